@@ -1,12 +1,13 @@
-"""jerkbench: which navigation filter is better, by how much, on which recordings, and why?
+"""jerkbench compares navigation filters: which filter is better, by how much, and on which recordings?
 
-Run a combination from Python::
+Run a combination of plugins from Python::
 
     run(dataset="field", filter={"name": "jerk", "accel_mps2": 0.2}, adaptation="mtf", seeds=3)   -> rows, a DataFrame
 
-The inputs and outputs of plugins (data sets, disturbances, filters and others) are `Recording` with `Imu`, `Position`,
-`Velocity`, `Heading`, `Reference` and `Origin`, `Attitude`, and `Estimate`. `jerkbench.contracts` defines the members
-of each kind of plugin, and `register` registers a plugin. Every error that a user can correct is a `JerkbenchError`.
+Plugins (data sets, disturbances, filters and others) exchange objects of three classes: `Recording`, `Attitude` and
+`Estimate`. A `Recording` contains `Imu`, `Position`, `Velocity`, `Heading`, `Reference` and `Origin`.
+`jerkbench.contracts` defines the members of each kind of plugin, and `register` registers a plugin. Every error that a
+user can correct is a `JerkbenchError`.
 """
 
 from jerkbench.api import run

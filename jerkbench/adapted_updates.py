@@ -57,7 +57,7 @@ class Recorder:
 
 
 Innovate = Callable[[FloatArray, IntArray], tuple[FloatArray, FloatArray]]
-"""A function of the measured values z (m,) and their rows. It returns the innovation y (m,) and H P H' (m, m)."""
+"""A function that returns the innovation y (m,) and H P H' (m, m) for the measured values z (m,) and their rows."""
 
 
 class AdaptedUpdates:
@@ -76,7 +76,7 @@ class AdaptedUpdates:
         self._fade = self._adaptation.fade if isinstance(self._adaptation, Fading) else None
 
     def take(self, update: int, innovate: Innovate) -> tuple[FloatArray, FloatArray, IntArray]:
-        """Adapt the covariance R of one update, and record the update. Without measured rows, R is not adapted.
+        """Adapt the covariance R of one update, and record the update. R is not adapted if no row is measured.
 
         Returns:
             The innovation y (m,), the adapted R (m, m), and the indices (m,) of the rows that were not dropped.

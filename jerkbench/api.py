@@ -79,19 +79,20 @@ def run(
 
     Args:
         dataset: Source of the recordings.
-        disturbance: One disturbance, or several that are applied in order.
+        disturbance: One disturbance, or several disturbances that are applied in order.
         attitude: Attitude filter. The default is the attitude filter that the data set prefers (for example the preset
             `real` for the data set `rtklib`), or `field` for a data set without a preference.
         filter: Kinematic filter or estimator.
         adaptation: Rule that adapts the measurement covariance R.
         noise: Process noise that replaces the defaults of the filter: a preset, or {"accel_mps2": ...}.
         engine: Engine that runs a kinematic filter.
-        seeds: Number of seeds, without effect if neither the data set nor a disturbance is random.
-        first_seed: The first seed.
-        burn_in_s: Errors before this time are not counted [s].
+        seeds: Number of seeds. The number has no effect if neither the data set nor a disturbance is random.
+        first_seed: Seed of the first run. The other runs use the following integers.
+        burn_in_s: Time at the start of the recording that the metrics do not evaluate [s].
         metrics: Names of the metrics to compute, or ["all"]. The default is every metric of jerkbench that does not set
             ``default = False``.
-        r_scale: Factors on the reported R, for example {"position": 2.0, "velocity": 0.5}. By default, R is not scaled.
+        r_scale: Factors by which the reported R is multiplied, for example {"position": 2.0, "velocity": 0.5}. By
+            default, R is not scaled.
 
     Raises:
         JerkbenchError: A name is unknown, or the parts are not compatible. A run that fails does not
@@ -112,7 +113,7 @@ def run(
 def configuration(overrides: Sequence[str] = ()) -> dict[str, Any]:
     """Return the configuration that `jerkbench run` composes from its arguments, as plain data.
 
-    The values of the groups are parts for the functions that run one step::
+    The value of each group (for example "dataset") is an argument of the function that runs this step::
 
         config = configuration(["--config-dir=mine", "experiment=drive", "filter=jerk"])
         recording = load(config["dataset"])
@@ -135,7 +136,7 @@ def _listed(parts: Part | Sequence[Part] | None) -> list[Part]:
 
 
 Parts = Part | Sequence[Part] | None
-"""One part, or a sequence of parts that are swept."""
+"""One part of a combination, or a sequence of parts. A sweep runs every combination of the parts."""
 
 
 def sweep(
@@ -166,19 +167,19 @@ def sweep(
         dataset: One data set, or several data sets.
         disturbance: One disturbance, or several disturbances and combinations of disturbances.
         attitude: One attitude filter, or several attitude filters.
-        filter: One kinematic filter or estimator, or several of them.
+        filter: One kinematic filter or estimator, or several filters and estimators.
         adaptation: One adaptation, or several adaptations.
         noise: One setting of the process noise, or several settings.
         engine: Engine that runs the kinematic filters.
-        seeds: Number of seeds, without effect if neither the data set nor a disturbance is random.
-        first_seed: The first seed.
-        burn_in_s: Errors before this time are not counted [s].
+        seeds: Number of seeds. The number has no effect if neither the data set nor a disturbance is random.
+        first_seed: Seed of the first run. The other runs use the following integers.
+        burn_in_s: Time at the start of the recording that the metrics do not evaluate [s].
         metrics: Names of the metrics to compute, with the same default as in `run`.
         notes: Notes that are printed below the tables.
         workers: Number of processes.
 
     Raises:
-        JerkbenchError: A name is unknown, the parts are not compatible, or all combinations were left out.
+        JerkbenchError: A name is unknown, the parts are not compatible, or no combination can run.
     """
     from jerkbench.jobs.executors import Workers
     from jerkbench.jobs.plan import planned
@@ -221,9 +222,11 @@ def table(
 
     Args:
         study: The study or its folder.
-        metric: Column of rows.csv, by default position_rmse_m, or the first metric in a study without this column.
-        rows: Factors of the rows, by default all factors that vary and are not in ``columns``.
-        columns: Factors of the columns, by default the adaptation.
+        metric: Column of rows.csv. The default is position_rmse_m, or the first metric if the study has no column
+            position_rmse_m.
+        rows: Factors whose values are the rows of the table. By default, all factors that vary and are not in
+            ``columns``.
+        columns: Factors whose values are the columns of the table. The default is the adaptation.
         baseline: A method, for example "adaptation=none". With a baseline, the table also shows ratios to this method.
 
     Raises:
@@ -253,8 +256,8 @@ def report(
         path: Path of the HTML file, by default report.html in the folder of the study.
         scenarios: Maximum number of scenarios for which figures of the runs are drawn.
         figures: Selection of the figures: "few" (scenarios and methods with a finding), "all" or "none".
-        run_programs: Whether the report may run the programs that the stored results name. Use True only for results
-            that you trust.
+        run_programs: Whether the report may run the external programs that the stored results name. Use True only for
+            results that you trust.
 
     Raises:
         JerkbenchError: The study has no results.
@@ -305,8 +308,8 @@ def disturb(recording: Recording, disturbance: Part | Sequence[Part], seed: int 
     The random numbers of the disturbances are derived from ``seed``.
 
     Raises:
-        JerkbenchError: A disturbance is unknown, its parameters are invalid, or the recording lacks the stream that it
-            changes.
+        JerkbenchError: A disturbance is unknown, its parameters are invalid, or the recording lacks the stream that the
+            disturbance changes.
     """
     for part in _listed(disturbance):
         parts = [part] if is_plugin(part) else list(choose("disturbance", part).plain.values())
@@ -352,13 +355,13 @@ def evaluate(
         recording: Recording with a reference.
         metrics: Names of the metrics to compute, or ["all"]. The default is every metric of jerkbench that does not set
             ``default = False``.
-        burn_in_s: Errors before this time are not counted [s].
+        burn_in_s: Time at the start of the recording that the metrics do not evaluate [s].
 
     Returns:
-        The value of each column. The name of a column ends with its unit, for example ``position_rmse_m``.
+        The value of each metric column. The name of a column ends with its unit, for example ``position_rmse_m``.
 
     Raises:
-        JerkbenchError: A metric is unknown, or no row of the reference counts.
+        JerkbenchError: A metric is unknown, or no row of the reference can be evaluated.
     """
     from jerkbench.evaluation.evaluated_run import evaluate_run
 

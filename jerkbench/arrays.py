@@ -53,7 +53,8 @@ def frozen(owner: object, name: str, value: Any, shape: tuple[int | None, ...]) 
     """Return ``value`` as a read-only float64 array, after a check of its shape. None in ``shape`` allows any length.
 
     Raises:
-        RecordingError: The value is not numeric, or has a wrong shape. The error message names ``owner.name``.
+        RecordingError: The value is not numeric, or has a wrong shape. The error message names the class of ``owner``
+            and the field ``name``.
     """
     where = f"{type(owner).__name__}.{name}"
     try:
@@ -112,7 +113,7 @@ MIN_VARIANCE = 1e-20
 """Smallest variance of a measurement. Smaller values are placeholders, and lead to overflows in sums of squares."""
 
 MIN_EIGENVALUE = 1e-14
-"""Smallest ratio of the smallest to the largest eigenvalue of a covariance. Below it, it is numerically singular."""
+"""Minimum ratio of the smallest to the largest eigenvalue of a covariance that is not numerically singular."""
 
 
 def positive_definite(matrices: FloatArray) -> BoolArray:
@@ -132,7 +133,7 @@ def require_covariances(owner: object, name: str, covariance: FloatArray, presen
     symmetric = asymmetry <= 1e-9 * np.abs(block).max(axis=(1, 2), initial=0)
     require(symmetric, owner, name, "the covariance is not symmetric")
     variances = np.diagonal(block, axis1=1, axis2=2)
-    uncorrelated = np.count_nonzero(block) == np.count_nonzero(variances)  # a common case without slow eigenvalues
+    uncorrelated = np.count_nonzero(block) == np.count_nonzero(variances)  # avoids slow eigenvalues
     definite = (variances > MIN_VARIANCE).all(axis=1) if uncorrelated else positive_definite(block)
     require(definite, owner, name, "the covariance is not positive definite")
 
@@ -174,7 +175,7 @@ def require_not_negative(plugin: str, owner: object, names: Iterable[str]) -> No
 
 
 def require_axes(plugin: str, owner: object, names: Iterable[str], *, positive: bool) -> None:
-    """Raise a PluginError for the first parameter that is not three finite (with ``positive``: positive) numbers."""
+    """Raise a PluginError for the first parameter that is not three finite numbers (above zero if ``positive``)."""
     for name in names:
         values = getattr(owner, name)
         fits = len(values) == 3 and all(math.isfinite(v) and (v > 0 or not positive) for v in values)

@@ -10,7 +10,7 @@ Optional attributes of every kind:
 
 - ``citations: ClassVar[tuple[str, ...]]``: BibTeX entries. By default, the DOIs in the docstring are cited.
 - ``depends_on: ClassVar[tuple[str, ...]]``: files and folders that the plugin reads, relative to the folder of its
-  module, and environment variables as "$NAME". If one of them changes, stored runs are computed again.
+  module, and environment variables as "$NAME". If a file, folder or variable changes, stored runs are computed again.
 """
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
@@ -29,7 +29,7 @@ from jerkbench.timeline import RecordedRun, Run, Timeline
 
 @runtime_checkable
 class ReadingFile(Protocol):
-    """A disturbance or filter that reads a file. The content of the file is part of the keys of results."""
+    """A disturbance or filter that reads a file. If the content changes, stored runs are computed again."""
 
     def fingerprint(self) -> str:
         """Return a hash of the content of the file, or an empty string if the file is part of this package."""
@@ -40,7 +40,7 @@ class Requiring(Protocol):
     """An attitude filter or filter that cannot process every recording."""
 
     def require(self, load: Callable[[], Recording]) -> None:
-        """Check that the recording that ``load`` returns has the required inputs. A sweep calls this before any run.
+        """Check, before any run of a sweep, that the recording that ``load`` returns has the required inputs.
 
         Raises:
             RecordingError: An input is missing.
@@ -64,7 +64,8 @@ class Dataset(Hashable, Protocol):
     Optional attributes:
 
     - ``default_attitude: ClassVar[str]``: the attitude filter, or preset, that suits the data set.
-    - ``attitude_only: bool = False``: the recordings have no positions. Only filters with ``attitude_only`` can run.
+    - ``attitude_only: bool = False``: the recordings have no positions. Only filters whose ``attitude_only`` is True
+      can run.
     - ``without_imu: bool = False``: the recordings have no IMU. Only filters whose ``uses_imu`` is False can run.
 
     Attributes:
@@ -96,7 +97,7 @@ class Disturbance(Hashable, Protocol):
         """Return the disturbed recording. All random numbers must come from `jerkbench.random_streams.stream`."""
 
     def replicates(self) -> int:
-        """Return the number of different results that the seeds 0, 1, ... give without random numbers.
+        """Return the number of seeds 0, 1, ... with different results, for a disturbance without random numbers.
 
         For example, a decimation by n has n different results, one for each phase.
         """
@@ -126,8 +127,8 @@ class Filter(Protocol):
 
     Optional attributes of a kinematic filter and of an `Estimator`:
 
-    - ``uses_imu: bool = True``: False if the filter does not use the IMU (b is zero). Such a filter also runs with
-      recordings that have no IMU.
+    - ``uses_imu: bool = True``: False if the filter does not use the IMU (b is zero). A filter that does not use the
+      IMU also runs with recordings that have no IMU.
     - ``attitude_only: bool = False``: True if the filter estimates no position.
     - ``table_label: str``: name of the filter in tables, for a plugin that represents many methods.
     - ``provenance: ClassVar[Provenance]``: whether the method is published, simplified, or original.
@@ -136,8 +137,9 @@ class Filter(Protocol):
     def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return A (n, n), b (n,), Q (n, n) of one axis for a step of ``dt`` seconds.
 
-        ``dt0`` is the nominal interval of the IMU. If a measurement divides the interval of a sample, the white noise
-        scales with dt0/dt, so that the velocity variances of the parts add up to the variance of the full sample.
+        ``dt0`` is the nominal interval of the IMU. If a measurement divides the interval between two IMU samples, the
+        white noise scales with dt0/dt, so that the velocity variances of the two parts add up to the variance of the
+        full interval.
         """
 
     def initial_variances(self) -> FloatArray:
@@ -164,11 +166,12 @@ class Adaptation(Protocol):
 
     - ``wants_true_covariance: ClassVar[bool] = False``: True if the adaptation receives the true covariance as R.
     - ``lanes: ClassVar[bool] = False``: True if the adaptation can be called for a batch of runs
-      (`jerkbench.compilation.lanes`). In a batch, numbers are vectors, and the code must not branch on their values.
+      (`jerkbench.compilation.lanes`). In a batch, each number is a vector with one element for each run, and the code
+      must not branch on its value.
     - ``varying: ClassVar[tuple[str, ...]] = ()``: integer parameters that may differ between the runs of a batch.
-      Arithmetic, `select` and `each_run` accept such parameters. A loop needs parameters that are equal in all runs.
-    - ``changes_nothing: ClassVar[bool] = False``: True if R, P and the gain never change. Compiled runs then do not
-      call the adaptation. The attribute is not inherited.
+      Arithmetic, `select` and `each_run` accept varying parameters. The limit of a loop must be equal in all runs.
+    - ``changes_nothing: ClassVar[bool] = False``: True if the adaptation never changes R, P and the gain. In this case,
+      compiled runs do not call the adaptation. A subclass does not inherit the attribute.
     - ``provenance: ClassVar[Provenance]``: whether the method is published, simplified, or original.
     """
 
@@ -222,8 +225,9 @@ class AdaptingPrior(Protocol):
         """Return the prior covariance for the update.
 
         This method is called after `Fading.fade` and before `Adaptation.adapt`, which receives H P H' with the returned
-        P. The memory can pass information about R to `adapt`. F and Q cover all steps since the last update. Unless P
-        was faded, P = F P+ F' + Q, where P+ is the posterior covariance of the last update or the initial covariance.
+        P. The method can pass information about R to `adapt` in the memory. F and Q cover all steps since the last
+        update. Unless P was faded, P = F P+ F' + Q, where P+ is the posterior covariance of the last update or the
+        initial covariance.
 
         Args:
             x: Prior state (n,). Position and velocity come first, so that H x is ``x[rows]`` and H P H' is
@@ -250,8 +254,8 @@ class AdaptingGain(Protocol):
     ) -> FloatArray:
         """Return the gain K (n, m) that replaces P H' S^-1. This method is called after `Adaptation.adapt`.
 
-        The arguments have the same meaning as in `AdaptingPrior.adapt_prior`. P and R are adapted, and dropped rows are
-        left out.
+        The arguments have the same meaning as in `AdaptingPrior.adapt_prior`. P and R are the adapted covariances, and
+        the arrays do not contain dropped rows.
         """
 
 
@@ -260,13 +264,13 @@ class AdaptingGain(Protocol):
 
 @runtime_checkable
 class Estimator(Protocol):
-    """Any filter that is not kinematic. Estimators also belong to the group ``filter``.
+    """Any filter that is not kinematic. In the configuration, estimators belong to the group ``filter``.
 
     An estimator may also implement `Batched`, `PerSeed`, `Requiring`, `ReadingFile` and `Remarking`, and have the
     optional attributes of a `Filter`.
 
     Attributes:
-        adaptations: Names of the supported adaptations. A sweep leaves out combinations with other adaptations.
+        adaptations: Names of the supported adaptations. A sweep leaves out combinations with unsupported adaptations.
     """
 
     adaptations: ClassVar[tuple[str, ...]]
@@ -277,11 +281,11 @@ class Estimator(Protocol):
 
 @runtime_checkable
 class Batched(Protocol):
-    """An estimator with a compiled implementation, with and without trajectories.
+    """An estimator with two compiled methods: one returns trajectories, and one returns only sums.
 
     ``estimate`` is the reference implementation, which the engine `filterpy` runs. An engine that implements
     `SideBySide` runs the compiled implementation. `jerkbench.testing.check_filter` compares both implementations. If a
-    compiled method returns None, ``estimate`` runs instead, and raises the error.
+    compiled method returns None for a run, ``estimate`` runs instead, and raises the error of the run.
     """
 
     def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate | None:
@@ -297,13 +301,13 @@ class Batched(Protocol):
         attitude: bool,
         threads: int,
     ) -> Sequence[Streamed | None]:
-        """Run all ``runs`` without storing trajectories. An error in one run does not affect the others.
+        """Run all ``runs`` without storing trajectories. An error in one run does not affect the other runs.
 
         Args:
             runs: Recordings with their attitudes and scoring.
             estimators: The estimator of each run. All estimators have the same class.
             adaptations: The adaptation of each run. All adaptations have the same class.
-            updates: Whether to store the data of the updates.
+            updates: Whether to store the data of the measurement updates.
             attitude: Whether to store the attitude, if the estimator estimates it.
             threads: Number of threads.
 
@@ -315,14 +319,15 @@ class Batched(Protocol):
 
 @runtime_checkable
 class PerSeed(Protocol):
-    """An estimator that is different for each seed, for example one file for each seed. Each seed runs separately.
+    """An estimator that depends on the seed, for example because it reads one file for each seed.
 
-    If its attribute ``random`` is true, each seed is a separate run even if the recordings are equal.
+    Each seed is a separate run. If the attribute ``random`` of the estimator is true, seeds are separate runs even if
+    their recordings are equal.
     """
 
     @property
     def for_each_seed(self) -> bool:
-        """True if there is an estimator for each seed. Otherwise, only one seed can run."""
+        """True if there is an estimator for each seed. If False, only one seed can run."""
 
     def of_seed(self, seed: int) -> Estimator:
         """Return the estimator for ``seed``."""
@@ -359,7 +364,7 @@ class SideBySide(Protocol):
             runs: Timelines and scoring.
             models: The filter of each run.
             adaptations: The adaptation of each run.
-            updates: Whether to store the data of the updates.
+            updates: Whether to store the data of the measurement updates.
             threads: Number of threads.
         """
 
@@ -378,7 +383,7 @@ class Metric(Protocol):
     - ``columns: ClassVar[Mapping[str, Column]]``: titles and interpretation of the columns. By default, the lowest
       value is the best.
     - ``reads: ClassVar[Literal["attitude", "updates"]]``: the part of the estimate that the metric reads. With
-      "attitude", the metric reads only ``index`` and ``euler_rad``. With "updates", it also reads ``updates``.
+      "attitude", the metric reads only ``index`` and ``euler_rad``. With "updates", the metric also reads ``updates``.
     - ``default: ClassVar[bool] = True``: if False, the metric is computed only on request (``metrics=[name]``).
     """
 
@@ -436,12 +441,12 @@ def is_attitude_only(plugin: object) -> bool:
 
 
 def uses_imu(model: object) -> bool:
-    """Return whether a filter or its class uses the IMU. For a class whose parameters decide this, return True."""
+    """Return whether a filter or its class uses the IMU. Return True for a class if this depends on its parameters."""
     return getattr(model, "uses_imu", True) is not False
 
 
 def clocked(adaptation: _P, timeline: Timeline) -> _P:
-    """Return the adaptation for a run over ``timeline``, by a call of its method `at_updates` if it has this method."""
+    """Return the result of the method `at_updates` of the adaptation, or the adaptation if it lacks this method."""
     at_updates = getattr(adaptation, "at_updates", None)
     return at_updates(timeline.update_times_s) if at_updates else adaptation
 
@@ -479,7 +484,7 @@ def part_read(metric: object) -> Literal["attitude", "updates", "everything"]:
 
 
 def axis_models(model: Filter, lengths_s: FloatArray, dt0_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return A (k, n, n), b (k, n), Q (k, n, n) of steps of ``lengths_s`` (k,). For length 0, A = I, b = 0, Q = 0."""
+    """Return A (k, n, n), b (k, n), Q (k, n, n) of steps of ``lengths_s`` (k,). For 0 s, A = I, b = 0, Q = 0."""
     n, k = 2 + len(model.initial_variances()), len(lengths_s)
     A, b, Q = np.tile(np.eye(n), (k, 1, 1)), np.zeros((k, n)), np.zeros((k, n, n))
     passing = np.flatnonzero(lengths_s > 0)

@@ -1,4 +1,4 @@
-"""Exceptions whose message helps the user: it states the given value, the allowed values and a remedy."""
+"""Exceptions whose message states the given value, the allowed values and a remedy."""
 
 import difflib
 import errno
@@ -75,7 +75,7 @@ def article(noun: str) -> str:
 
 
 def let_interrupt_through(error: BaseException | None) -> None:
-    """Raise the `KeyboardInterrupt` that caused ``error`` again, or ``error`` if it is a `KeyboardInterrupt`.
+    """Raise ``error`` if it is a `KeyboardInterrupt`, or the `KeyboardInterrupt` in its context, or nothing.
 
     A library that cleans up after an interrupt may raise another exception, which would hide the interrupt.
 
@@ -89,7 +89,7 @@ def let_interrupt_through(error: BaseException | None) -> None:
 
 
 def exit_with(error: JerkbenchError) -> NoReturn:
-    """Print the message of ``error``, and exit with its exit code.
+    """Print the message of ``error``, and exit the process with the exit code of ``error``.
 
     Raises:
         KeyboardInterrupt: The error was raised while a `KeyboardInterrupt` was handled.

@@ -23,7 +23,7 @@ class Attitude:
         euler_rad: (n, 3) roll, pitch and yaw [rad], with Omega = Rz(yaw) Ry(pitch) Rx(roll).
         accel_enu_mps2: (n, 3) acceleration in ENU [m/s2], the input u of the navigation filter.
         triggered: (n,) mask of the samples at which the tilt filter detected an external acceleration.
-        yaw_sigma_rad: (n,) standard deviation of yaw that the attitude filter computes [rad], or None. Without
+        yaw_sigma_rad: (n,) standard deviation of yaw [rad], or None if the attitude filter does not compute it. Without
             information about yaw, the standard deviation is pi/sqrt(3), as for a uniform distribution.
     """
 
@@ -52,7 +52,8 @@ class Updates:
         t_s: (m,) times of the updates [s].
         rows: (m,) number of measured rows of each update.
         nis: (m,) NIS y' (H P- H' + R)^-1 y with the reported R and the prior covariance P- before fading.
-        nis_used: (m,) NIS y' S^-1 y with the S of the update, after the adaptation, or NaN if all rows were dropped.
+        nis_used: (m,) NIS y' S^-1 y with the innovation covariance S after the adaptation, or NaN if all rows were
+            dropped.
         innovation: (m, 6) innovation y, with NaN in rows that were not measured.
         R_diagonal: (m, 6) diagonal of the adapted R: NaN in rows that were not measured, infinite in dropped rows.
         log_det: (m,) log det (H P- H' + R) with the matrices of ``nis``, or NaN if it was not computed.
@@ -156,7 +157,7 @@ class ErrorWeights:
         marks: (j,) rows of the reference at which the position errors are stored.
         start_s: Updates before this time are not counted [s].
         consistency: True if the sums of e' P^-1 e and the covariances of the marked rows are needed. The computation of
-            these sums takes a quarter of the time of a run without a trajectory.
+            these sums takes a quarter of the time of a run that stores no trajectory.
         limit_m: A run whose position error exceeds this limit has diverged [m].
     """
 
@@ -172,7 +173,7 @@ class ErrorWeights:
 
 
 SUMS = 17
-"""Number of sums of a run. They are the first thirteen fields of `Streamed`. The next constants are their indices."""
+"""Number of sums of a run, which are the first 13 fields of `Streamed`. The next constants are indices of the sums."""
 POSITION_SQUARES, VELOCITY_SQUARES = 0, 3
 WITH_BURN_IN, OUTAGE, MAX_ERROR, DIVERGED, ROWS_LEFT, NEES, NEES_POSITION = range(6, 13)
 NIS, UPDATES, NIS_USED, UPDATES_USED = range(13, SUMS)
@@ -189,16 +190,16 @@ class Streamed(NamedTuple):
         largest_m2: Largest squared position error of a row that counts [m2].
         diverged_m2: First squared position error beyond the limit, or 0 if the run has not diverged [m2].
         rows_left: Number of rows of the reference from the divergence to the end of the run.
-        nees: Sum of e' P^-1 e over the errors e of position and velocity, or NaN if it was not needed.
-        nees_position: Sum of e' P^-1 e over the position errors e, or NaN if it was not needed.
+        nees: Sum of e' P^-1 e over the errors e of position and velocity, or NaN if the sum was not needed.
+        nees_position: Sum of e' P^-1 e over the position errors e, or NaN if the sum was not needed.
         nis_per_row: Sum of NIS/m over the updates that count, with the reported R and m measured rows.
         nis_updates: Number of updates in ``nis_per_row``.
         nis_used_per_row: Sum of NIS/m over the updates that count, with the adapted S and without dropped rows.
         nis_used_updates: Number of updates in ``nis_used_per_row``.
         marked_m: (j, 3) position errors in the rows ``ErrorWeights.marks`` [m].
         marked_m2: (j, 6) upper triangle of the position covariance in the rows ``ErrorWeights.marks``, row by row, or
-            NaN if it was not needed [m2].
-        updates: Data of the updates, without elements if they were not stored.
+            NaN if the covariance was not needed [m2].
+        updates: Data of the updates, with arrays of length zero if the data were not stored.
         euler_rad: (k, 3) roll, pitch, yaw that the run has estimated [rad], or None if the run used the angles of the
             timeline or did not store the angles.
     """
@@ -223,7 +224,7 @@ class Streamed(NamedTuple):
 
     @classmethod
     def of(cls, sums: FloatArray, marked: FloatArray, updates: Updates, euler_rad: FloatArray | None = None) -> Self:
-        """Create an object from ``sums`` (SUMS,) and ``marked`` (j, 9), the errors and covariances at the marks."""
+        """Create an object from ``sums`` (SUMS,) and ``marked`` (j, 9), the errors and covariances at marked rows."""
         squares, numbers = sums[:WITH_BURN_IN], sums[WITH_BURN_IN:].tolist()
         return cls._make([squares[:3], squares[3:], *numbers, marked[:, :3], marked[:, 3:], updates, euler_rad])
 
@@ -232,12 +233,12 @@ class Sums(NamedTuple):
     """Sums of the errors e of a run over the rows of the reference that count (`jerkbench.evaluation.counted_rows`).
 
     Attributes:
-        position_m2: (5,) sums of the squared position errors over the axes in each entry of POSITION_AXES [m2].
+        position_m2: (5,) sum of the squared position errors for each set of axes in POSITION_AXES [m2].
         position_rows: (5,) number of rows in each sum of ``position_m2``.
         position_max_m: Largest |e| of the position, or NaN if no row counts [m].
         with_burn_in_m2: Sum of |e|^2 of the position, including the burn-in [m2].
         rows_with_burn_in: Number of rows in ``with_burn_in_m2``.
-        velocity_m2ps2: (3,) sums of the squared velocity errors over the axes in each entry of VELOCITY_AXES [m2/s2].
+        velocity_m2ps2: (3,) sum of the squared velocity errors for each set of axes in VELOCITY_AXES [m2/s2].
         velocity_rows: (3,) number of rows in each sum of ``velocity_m2ps2``.
         nees: Sum of e' P^-1 e over the errors e of position and velocity.
         nees_rows: Number of rows in ``nees``.
@@ -250,8 +251,8 @@ class Sums(NamedTuple):
         outage_rows: Number of rows in ``outage_m2``.
         outage_ends_m: (j,) |e| of the position at the end of each outage [m].
         outage_driven_m: (j,) distance that the reference covers during each outage [m].
-        outage_drifts_mps: (j,) change of e from the first to the last row of each outage, divided by the time between
-            these rows, or NaN if an outage has only one row [m/s].
+        outage_drifts_mps: (j,) length of the change of the position error from the first to the last row of each
+            outage, divided by the time between these rows, or NaN if an outage has only one row [m/s].
         outages: Number of outages in the recording, including outages that the run did not reach.
         sampled_m: (s, 3) position error in the first counted row of each second [m].
         sampled_m2: (s, 6) upper triangle of the position covariance in the rows of ``sampled_m``, row by row [m2].

@@ -161,12 +161,12 @@ MAX_DEPTH = 100
 """Maximum depth of nested lists and mappings."""
 
 MAX_INTERPOLATIONS = 20
-"""Maximum number of interpolations (${...}). Like aliases, they repeat values, and they can be nested."""
+"""Maximum number of interpolations (${...}). Interpolations repeat values and can be nested, as aliases."""
 
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 TOO_DEEP = "exceeded maximum nesting depth"
-"""Error message of newer versions of libyaml. They read ahead, so they detect the depth before `require_small`."""
+"""Error message of newer versions of libyaml. These versions read ahead and detect the depth before `require_small`."""
 
 
 def read_yaml(path: Path) -> Any:  # noqa: ANN401 - any YAML value
@@ -184,7 +184,7 @@ def read_yaml(path: Path) -> Any:  # noqa: ANN401 - any YAML value
 
 
 def require_small(text: str, path: Path) -> None:
-    """Require that a YAML text is not too large and not nested too deeply, without a creation of its values.
+    """Require that a YAML text is not too large and not nested too deeply, without creating the values of the text.
 
     Raises:
         JerkbenchError: The text has too many values or interpolations, is nested too deeply, or has a recursive alias.

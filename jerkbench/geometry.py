@@ -88,8 +88,8 @@ def quaternion_from_dcm(dcm: FloatArray) -> FloatArray:
 def dcm_from_euler(euler_rad: FloatArray) -> FloatArray:
     """Return Omega = Rz(yaw) Ry(pitch) Rx(roll) (..., 3, 3) of roll, pitch and yaw (..., 3) [rad].
 
-    The elements are computed explicitly, because every sample needs them and the general function of SciPy takes six
-    times as long.
+    The elements are computed explicitly, because a matrix is needed for every sample and the general function of SciPy
+    takes six times as long.
     """
     angles = np.ascontiguousarray(np.moveaxis(np.asarray(euler_rad, dtype=np.float64), -1, 0))
     (cr, cp, cy), (sr, sp, sy) = np.cos(angles), np.sin(angles)

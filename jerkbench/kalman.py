@@ -14,19 +14,19 @@ makes the states linearly dependent, for example with `jerk` over 100 s in one s
 EXPOSED = 1e-3
 """A rounding error (`rounding_noise`) is added to a posterior variance below this fraction of its spread.
 
-Above this fraction, a relative error u of the spread is an error of 1e-13 of the posterior variance. This is less than
-`ROUNDING`, so a second update cannot reduce the variance to the size of the error. With a limit of 1e-6, it could: the
-first of two precise rows leaves 1e-5 of the variance and the second leaves 3e-12 of the rest, so that the sign of the
-rounding error decides which run ends.
+Above this fraction, a relative error u of the spread is an error of 1e-13 of the posterior variance. This error is less
+than `ROUNDING`, so a second update cannot reduce the variance to the size of the error. With a limit of 1e-6 instead of
+1e-3, a second update could do so: the first of two precise rows leaves 1e-5 of the variance and the second leaves 3e-12
+of this rest, so that the sign of the rounding error would decide which run ends.
 """
 
 FLOOR = 1e-15
 """The rounding error that `rounding_noise` adds to a variance, as a fraction of the spread of the variance.
 
-It is nine units of rounding u, for the factor of S and for the prediction before. If the prior is numerically singular,
-the posterior without this term consists of rounding errors of either sign. The next precise row removes the rest of the
-variance, and the sign of the error decides which run ends. The term increases a variance by at most FLOOR / ROUNDING =
-1e-3, and by FLOOR / EXPOSED = 1e-12 at the limit below which it is added.
+The value is nine units of rounding u, which cover the factor of S and the preceding prediction. If the prior is
+numerically singular, the posterior without this term consists of rounding errors of either sign. The next precise row
+removes the rest of the variance, and the sign of the error decides which run ends. The term increases a variance by at
+most FLOOR / ROUNDING = 1e-3, and by FLOOR / EXPOSED = 1e-12 at the limit below which it is added.
 """
 
 SYMMETRIC = 1e-12
@@ -71,8 +71,8 @@ def squared_distance_by(y: FloatArray, L: FloatArray) -> float:
 def moved(PHt: FloatArray, y: FloatArray, R: FloatArray, L: FloatArray, measured: IntArray) -> FloatArray:
     """Return the state change K y (n,). Row i of z measures the state ``measured[i]``. L is the Cholesky factor of S.
 
-    With v = S^-1 y, K y is equal to P H' v. For a measured state, P H' v is equal to y - R v, which is more accurate if
-    R is smaller than P.
+    With v = S^-1 y, K y is equal to P H' v. For a measured state, P H' v is equal to y - R v. The expression y - R v is
+    more accurate if R is smaller than P.
     """
     from scipy.linalg import cho_solve  # imported here, because the import takes a tenth of a second
 
@@ -86,11 +86,12 @@ def moved(PHt: FloatArray, y: FloatArray, R: FloatArray, L: FloatArray, measured
 def gain_and_rest(PHt: FloatArray, R: FloatArray, L: FloatArray, measured: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return K = P H' S^-1 (n, m) and I - K H (n, n). Row i of z measures the state ``measured[i]``.
 
-    L is the Cholesky factor of S. A gain that is solved with L satisfies K S = P H' up to rounding for every scaling
-    and condition number of S. If K were computed with the inverse of a nearly singular S, the error of K would exceed
-    the posterior sigma. For a measured state, the row of I - K H is equal to the row of R S^-1. If R is smaller than P,
-    R S^-1 is solved for, and K is computed from R S^-1. For a gain of nearly one, the difference 1 - K would otherwise
-    be a rounding error, and its product with P would dominate a small posterior variance.
+    L is the Cholesky factor of S. A gain that is computed by solving with L satisfies K S = P H' up to rounding, for
+    every scaling and condition number of S. If K were computed with the inverse of a nearly singular S, the error of K
+    would exceed the posterior sigma. For a measured state, the row of I - K H is equal to the row of R S^-1. If R is
+    smaller than P, R S^-1 is computed by solving with L, and K is computed from R S^-1. If 1 - K were computed from a
+    gain of nearly one, the difference would be a rounding error, and the product of this error with P would dominate a
+    small posterior variance.
     """
     from scipy.linalg import cho_solve  # imported here, because the import takes a tenth of a second
 
@@ -106,11 +107,12 @@ def gain_and_rest(PHt: FloatArray, R: FloatArray, L: FloatArray, measured: IntAr
 def spread_by(K: FloatArray, rest: FloatArray, P: FloatArray, R: FloatArray, measured: IntArray) -> FloatArray:
     """Return the spread (n,) q_s = P_ss + sum_i K_si^2 S_ii, to which rounding errors of variances are proportional.
 
-    For a measured state whose R is smaller than P, the posterior is R S^-1 P, and q_s is computed only from the row of
-    R S^-1. If S and the prior have errors E with |E_ij| < c u sqrt(S_ii S_jj), the error of the posterior variance is
-    K E K', which is less than c u (m + 1) q_s by the Cauchy-Schwarz inequality. If S is nearly singular, K is large and
-    q_s exceeds the prior variance. A limit relative to the prior variance would then not distinguish rounding errors
-    from information. Both engines compute accurate q_s, even if all digits of the posterior variance are wrong.
+    For a measured state whose R is smaller than P, the posterior is R S^-1 P, and the spread q_s is computed only from
+    the row of R S^-1. If S and the prior have errors E with |E_ij| < c u sqrt(S_ii S_jj), the error of the posterior
+    variance is K E K', which is less than c u (m + 1) q_s by the Cauchy-Schwarz inequality. If S is nearly singular, K
+    is large and q_s exceeds the prior variance. A limit relative to the prior variance would then not distinguish
+    rounding errors from information. The engines `filterpy` and `compiled` compute an accurate q_s, even if all digits
+    of the posterior variance are wrong.
     """
     finer = np.diag(R) < np.diag(P)[measured]
     used, base = K.copy(), np.diag(P).copy()
@@ -119,7 +121,7 @@ def spread_by(K: FloatArray, rest: FloatArray, P: FloatArray, R: FloatArray, mea
 
 
 def rounding_noise(variances: FloatArray, spread: FloatArray) -> FloatArray:
-    """Return the rounding error (n,) to add to ``variances``: zero for variances above EXPOSED times the spread."""
+    """Return the rounding error (n,) to add to ``variances``. It is 0 for a variance above EXPOSED times the spread."""
     return np.where(variances < EXPOSED * spread, FLOOR * spread, 0.0)
 
 
@@ -139,7 +141,7 @@ def joseph(P: FloatArray, K: FloatArray, rest: FloatArray, R: FloatArray) -> Flo
 def updated(
     x: FloatArray, P: FloatArray, innovation: FloatArray, H: FloatArray, R: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return x and P after an update with any H (m, n), in the textbook form, for reference implementations."""
+    """Return x and P after an update with any H (m, n), computed with the textbook equations."""
     PHt = P @ H.T
     K: FloatArray = np.asarray(np.linalg.solve(H @ PHt + R, PHt.T).T, dtype=np.float64)
     return x + K @ innovation, joseph(P, K, np.eye(len(x)) - K @ H, R)

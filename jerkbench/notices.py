@@ -1,4 +1,4 @@
-"""Notices that several processes together print only once, and text without control characters."""
+"""Notices that are printed only once by a group of processes, and functions that escape control characters."""
 
 import hashlib
 import os
@@ -18,7 +18,7 @@ _GIVEN: set[str] = set()
 
 
 def notify(text: str, topic: str = "") -> None:
-    """Print ``text`` on standard error, unless a notice with the same ``topic`` (default: the text) was printed."""
+    """Print ``text`` on standard error, unless a notice with this ``topic`` (default: ``text``) was printed before."""
     topic = topic or text
     if topic in _GIVEN:
         return
@@ -85,7 +85,7 @@ class PlainStream:
     """A text stream that escapes control characters.
 
     Attributes:
-        styled: The underlying stream, which accepts control characters, for output with colours.
+        styled: The underlying stream. It accepts control characters and is used for output with colours.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -97,7 +97,7 @@ class PlainStream:
         return len(text)
 
     def writelines(self, lines: Iterable[str]) -> None:
-        """Write each of ``lines``."""
+        """Write each of ``lines`` with control characters escaped."""
         for line in lines:
             self.write(line)
 

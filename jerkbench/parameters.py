@@ -20,10 +20,10 @@ class Range:
     """The range in which a search may vary a parameter.
 
     Attributes:
-        low: Smallest value of the parameter.
-        high: Largest value of the parameter.
-        log: True if the scale is logarithmic.
-        toward_one: True if the scale is logarithmic in 1 - x, for fractions close to one.
+        low: Lower bound of the parameter.
+        high: Upper bound of the parameter.
+        log: True if the search uses a logarithmic scale.
+        toward_one: True if the search uses a logarithmic scale for 1 - x, which suits fractions x close to one.
         source: Origin of the bounds, for example a publication.
     """
 
@@ -34,7 +34,7 @@ class Range:
     source: str = ""
 
     def value(self, share: float) -> float:
-        """Return the value at the fraction ``share`` (0 to 1) of the range, on the scale of the range."""
+        """Return the parameter value at the fraction ``share`` (0 to 1) of the range, on the scale of the range."""
         value = self.low + share * (self.high - self.low)
         if self.log:
             value = self.low * (self.high / self.low) ** share
@@ -43,7 +43,7 @@ class Range:
         return min(max(value, self.low), self.high)
 
     def share(self, value: float) -> float:
-        """Return the fraction (0 to 1) of the range at which ``value`` lies, on the scale of the range."""
+        """Return the fraction (0 to 1) of the range at which ``value`` lies, measured on the scale of the range."""
         if self.log:
             return math.log(value / self.low) / math.log(self.high / self.low)
         if self.toward_one:
@@ -51,7 +51,7 @@ class Range:
         return (value - self.low) / (self.high - self.low)
 
     def mistake(self) -> str:
-        """Return a message about an error in the range, or an empty string if the range is valid."""
+        """Return a message about an error in the definition of the range, or an empty string if the range is valid."""
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
             return f"low is {self.low:g} and high {self.high:g}; low < high is needed, both finite"
         if self.log and self.toward_one:
@@ -72,7 +72,7 @@ class Limit:
     """A condition on the value of a parameter.
 
     Attributes:
-        fits: Function that returns whether a value other than None is allowed.
+        fits: Function that returns whether a value is allowed. The value None is always allowed.
         words: End of the error message, for example "it must be a positive number."
     """
 
@@ -125,11 +125,11 @@ class Column(NamedTuple):
 
     Attributes:
         title: Title of the column, or an empty string to derive the title from the name of the column.
-        expected: Expected value for a consistent filter, or None. In a column with an expected value, neither the
-            lowest nor the highest value is the best.
-        judged: True if methods are compared by this column: the lowest value is the best, and differences are stated as
-            ratios. ``judged`` is False for counts, bounds, activities of an adaptation, logarithms (which have no
-            meaningful ratio), and columns whose highest value is the best.
+        expected: Expected value for a consistent filter, or None if the column has no expected value. In a column with
+            an expected value, neither the lowest nor the highest value is the best.
+        judged: True if methods are compared by this column, in which the lowest value is the best and differences are
+            stated as ratios. ``judged`` is False for counts, bounds, activities of an adaptation, logarithms (which
+            have no meaningful ratio), and columns whose highest value is the best.
         reading: Interpretation of values above and below the expected value.
         section: Position of the section in table.md, or 0 if the column is in no section.
         unit: Unit in the heading, or an empty string to derive the unit from the suffix of the name of the column.
@@ -150,7 +150,7 @@ class Column(NamedTuple):
 
     @property
     def lowest_is_best(self) -> bool:
-        """True if the lowest value is the best. Otherwise, methods are not compared by this column."""
+        """True if methods are compared by this column, in which the lowest value is the best."""
         return self.judged and self.expected is None
 
 
@@ -160,9 +160,10 @@ class Provenance:
 
     Attributes:
         kind: "published" (as in the source), "simplified" (parts are left out or changed) or "own" (original).
-        source: DOI, or authors and year. An original method names the work that it extends, or has an empty source.
-        note: One sentence about the parts that are left out or changed, or about the idea of an original method. A
-            published method has an empty note.
+        source: DOI, or authors and year. For an original method, the source is the work that the method extends, or
+            empty.
+        note: One sentence about the parts that are left out or changed, or about the idea of an original method. The
+            note of a published method is empty.
     """
 
     kind: Literal["published", "simplified", "own"]
@@ -170,7 +171,7 @@ class Provenance:
     note: str = ""
 
     def mistake(self) -> str:
-        """Return a message about a missing or superfluous source or note, or an empty string."""
+        """Return a message about an invalid kind, source or note, or an empty string if the provenance is valid."""
         if self.kind not in get_args(Provenance.__annotations__["kind"]):
             return f"kind is {self.kind!r}; it must be published, simplified or own"
         if self.kind != "own" and not self.source:
@@ -186,18 +187,18 @@ class Provenance:
 
 
 def provenance_of(cls: type) -> Provenance | None:
-    """Return the provenance that a class itself declares, or None. An inherited provenance is ignored."""
+    """Return the provenance that the class declares, or None. A provenance of a base class is ignored."""
     known = vars(cls).get("provenance")
     return known if isinstance(known, Provenance) else None
 
 
 def ranges_of(cls: type) -> Mapping[str, Range]:
-    """Return the ranges of the fields of a plugin class, by name of the field."""
+    """Return the ranges of the parameters of a plugin class, by the name of the parameter."""
     return {name: note for name, notes in _notes(cls).items() for note in notes if isinstance(note, Range)}
 
 
 def origins_of(cls: type) -> Mapping[str, str]:
-    """Return the origins of the default values of a plugin class, by name of the field."""
+    """Return the origins of the default values of a plugin class, by the name of the parameter."""
     return {name: note.text for name, notes in _notes(cls).items() for note in notes if isinstance(note, DefaultOrigin)}
 
 

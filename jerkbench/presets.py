@@ -23,14 +23,15 @@ def config_folder() -> Path:
 
 
 _of_user: list[Path] = []
-"""Folders of --config-dir. If a built-in preset has the same name as a preset in these folders, it is used instead."""
+"""Folders of --config-dir. If a built-in preset has the same name as a preset in these folders, the preset in these
+folders is used."""
 
 main_files: dict[str, Path] = {}
-"""Files of --config-name."""
+"""Files that --config-name selects, by name."""
 
 
 def take_folders(arguments: Sequence[str]) -> list[str]:
-    """Use the presets in each ``--config-dir DIR`` of a command line, and return the other arguments.
+    """Store the folders of all options ``--config-dir DIR`` of a command line, and return the other arguments.
 
     The option ``--config-name NAME`` (``-cn``) selects DIR/NAME.yaml as the experiment. Each call replaces the folders
     of the previous call.
@@ -67,7 +68,7 @@ def take_folders(arguments: Sequence[str]) -> list[str]:
 
 
 def _require_no_doubles() -> None:
-    """Require that no two folders have different presets with one name. Hydra would silently use the first preset."""
+    """Require that no two folders have different presets with one name, because Hydra would silently use the first."""
     groups = [path.name for path in config_folder().iterdir() if path.is_dir()]
     found: dict[Path, Path] = {}
     for folder in dict.fromkeys(_of_user):
@@ -78,7 +79,7 @@ def _require_no_doubles() -> None:
 
 
 def search_path_overrides() -> list[str]:
-    """Return the override that adds the folders of --config-dir to Hydra's search path, or [] without such folders."""
+    """Return the override that adds the folders of --config-dir to Hydra's search path, or [] without --config-dir."""
     paths = ",".join(f'"file://{folder}"' for folder in _of_user)
     return [f"hydra.searchpath=[{paths}]"] if paths else []
 
@@ -96,12 +97,12 @@ def preset_files(kind: str) -> dict[str, Path]:
 
 @cache
 def default_names() -> Mapping[str, str]:
-    """Return the default of each group, as defined in conf/config.yaml."""
+    """Return the name of the default preset or plugin of each group, as defined in conf/config.yaml."""
     from omegaconf import OmegaConf
 
     entries: Any = OmegaConf.to_container(OmegaConf.load(config_folder() / "config.yaml").defaults)
     choices = (item for entry in entries if isinstance(entry, dict) for item in entry.items())
-    return {group: name for group, name in choices if " " not in group and name}  # without overrides and experiments
+    return {group: name for group, name in choices if " " not in group and name}  # omit overrides and experiments
 
 
 _HYDRA = re.compile(r"hydra(?!\w)")
@@ -111,15 +112,15 @@ _HYDRA = re.compile(r"hydra(?!\w)")
 def require_harmless(path: Path, content: object, *names: str | None) -> None:
     """Reject a preset that sets options of Hydra, which can write files and create objects.
 
-    The only allowed option of Hydra is hydra.sweeper.params, which contains the values of a sweep.
+    A preset may set only one option of Hydra: hydra.sweeper.params, which contains the values of a sweep.
 
     Args:
         path: Path of the preset, for the error message.
         content: The content of the file with unresolved interpolations.
-        names: The group and the package of the preset.
+        names: The Hydra group and the Hydra package of the preset, or None for an unknown name.
 
     Raises:
-        PluginError: The preset sets another option of Hydra, or chooses from a group of Hydra.
+        PluginError: The preset sets an option of Hydra that is not allowed, or chooses from a group of Hydra.
     """
     values = dict(content) if isinstance(content, dict) else {}
     swept = values.pop("hydra", {})
@@ -132,7 +133,7 @@ def require_harmless(path: Path, content: object, *names: str | None) -> None:
 
 
 def as_experiment(path: Path) -> dict[str, Any]:
-    """Return a main configuration of the user as an experiment, whose choices replace those in conf/config.yaml.
+    """Return a main configuration of the user as an experiment. Its choices replace the choices in conf/config.yaml.
 
     Raises:
         PluginError: The file cannot be read, or it sets options of Hydra.
@@ -157,11 +158,11 @@ def preset_names(kind: str) -> list[str]:
 
 
 def preset(kind: str, name: str) -> dict[str, Any]:
-    """Return the values of conf/KIND/NAME.yaml: its ``defaults`` in order, overridden by the other values in the file.
+    """Return the values of conf/KIND/NAME.yaml: the ``defaults`` in order, overridden by the other values in the file.
 
     If the name of a preset is in ``defaults``, the preset is resolved recursively. Any other name in ``defaults`` is a
-    plugin and becomes {"name": ...}. A preset of disturbances maps the name of each disturbance to its values. The
-    group ``noise`` has no plugins.
+    plugin and becomes {"name": ...}. A preset of disturbances maps the name of each disturbance to its values. In the
+    group ``noise``, which has no plugins, such a name is ignored.
 
     Raises:
         PluginError: The preset is unknown, cannot be read, or chooses parts of other groups, which is supported only on
@@ -218,7 +219,7 @@ def _read_unresolved(path: Path) -> tuple[Any, list[str]]:
 
 @lru_cache(maxsize=256)
 def _parsed(path: Path, text: str) -> tuple[Any, list[str]]:
-    """Return a preset and the environment variables that the preset reads, from a cache if the text is unchanged."""
+    """Return a preset and the environment variables that the preset reads. The results are cached by the text."""
     from omegaconf import OmegaConf
 
     from jerkbench.files import require_small
@@ -229,7 +230,7 @@ def _parsed(path: Path, text: str) -> tuple[Any, list[str]]:
 
 
 def environment_variable(name: str, *default: str | None) -> str | None:
-    """Return the value of an environment variable that JERKBENCH_ENV lists. Tables may show values of such variables.
+    """Return the value of an environment variable that JERKBENCH_ENV lists. Tables may print these values.
 
     Raises:
         PluginError: The variable is not allowed, or it is not set and the configuration has no default.

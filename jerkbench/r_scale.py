@@ -13,7 +13,7 @@ from jerkbench.recording import Recording
 class RScale:
     """Factors on the reported covariances R. The factors are tunable parameters, like the process noise.
 
-    The factors do not change the measurements, the true covariances and the attitude.
+    The factors change neither the measurements nor the true covariances nor the attitude.
 
     Attributes:
         position: Factor on the covariance of each position [-].
@@ -31,12 +31,12 @@ class RScale:
 
     @property
     def changed(self) -> dict[str, float]:
-        """The factors that are not 1, by name."""
+        """The factors that differ from 1, by name (position, velocity)."""
         return {name: value for name, value in vars(self).items() if value != 1.0}
 
 
 def scale_of(values: object) -> RScale:
-    """Return the factors in ``values``, which is a mapping, or None if R is not scaled.
+    """Return the factors in the mapping ``values``. If ``values`` is None, both factors are 1.
 
     Raises:
         PluginError: ``values`` is not a mapping, a key is unknown, or a factor is not a positive number.
@@ -57,7 +57,7 @@ AS_REPORTED = RScale()
 
 
 def with_r_scale(recording: Recording, scale: RScale) -> Recording:
-    """Return the recording with scaled covariances. The true covariances, which an oracle uses, do not change."""
+    """Return the recording with scaled reported covariances and unchanged true covariances, which an oracle uses."""
     if not scale.changed:
         return recording
     p, v = recording.position, recording.velocity

@@ -1,4 +1,4 @@
-"""Random streams, one for each source of randomness. All streams are derived from the seed of a run."""
+"""Random number generators (streams) for the sources of randomness, all derived from the seed of a run."""
 
 import hashlib
 

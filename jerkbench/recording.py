@@ -1,9 +1,10 @@
-"""The recording: IMU, position, velocity, heading and reference. All objects are immutable and checked on creation.
+"""The recording of a drive: IMU samples, positions, velocities, headings, and the reference trajectory.
 
-Positions and velocities are in the local tangent plane ENU at ``Recording.origin`` (WGS-84). The body frame is FLU
-(forward, left, up). The attitude Omega = Rz(yaw) Ry(pitch) Rx(roll) rotates from body to ENU. With a positive pitch,
-the nose points down. The specific force of a level body at rest is (0, 0, +g). Times are in seconds since the start of
-the recording. Each time is the time of validity of its value (the stamp minus the latency). NaN marks a missing value.
+All objects are immutable and checked on creation. Positions and velocities are in the local tangent plane ENU at
+``Recording.origin`` (WGS-84). The body frame is FLU (forward, left, up). The attitude Omega = Rz(yaw) Ry(pitch)
+Rx(roll) rotates vectors from the body frame to ENU. With a positive pitch, the nose points down. The specific force of
+a level body at rest is (0, 0, +g). Times are in seconds since the start of the recording. Each time is the time at
+which its value was valid: the time stamp minus the latency. NaN marks a missing value.
 """
 
 from collections.abc import Mapping
@@ -18,7 +19,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, frozen, require, require_covariances, require_times
 from jerkbench.errors import RecordingError
 
-# HTML for notebooks.
+# HTML that notebooks display.
 
 
 def shown(title: str, values: Mapping[str, str]) -> str:
@@ -28,14 +29,14 @@ def shown(title: str, values: Mapping[str, str]) -> str:
 
 
 def stamps_text(t_s: FloatArray) -> str:
-    """Return a text with the number of stamps, the first and the last time, and the rate."""
+    """Return a text with the number of time stamps, the first and the last time, and the rate."""
     if len(t_s) == 0:
         return "none"
     rate = f", {(len(t_s) - 1) / (t_s[-1] - t_s[0]):.3g} Hz" if len(t_s) > 1 else ""
     return f"{len(t_s)} from {t_s[0]:.2f} to {t_s[-1]:.2f} s{rate}"
 
 
-# The origin of the coordinates of a recording.
+# The origin of the local coordinates of a recording.
 
 
 @dataclass(frozen=True)
@@ -53,18 +54,18 @@ class Origin:
     height_m: float
 
 
-# Checked, read-only arrays.
+# Checks of arrays, and conversion to read-only arrays.
 
 
 def freeze(owner: object, **shapes: tuple[int | None, ...]) -> None:
-    """Replace each named field of a frozen dataclass by a read-only array, after a check of its shape."""
+    """Check the shape of each named field of a frozen dataclass, and replace the field by a read-only array."""
     for name, shape in shapes.items():
         value: Any = getattr(owner, name)
         if value is not None:
             object.__setattr__(owner, name, frozen(owner, name, value, shape))
 
 
-# The streams of a recording: inertial samples, position fixes, velocities and headings.
+# The measurements of a recording: inertial samples, position fixes, velocities and headings.
 
 _VELOCITY_FRAMES = ("enu", "body", "speed")
 """Possible frames of a velocity."""
@@ -75,11 +76,11 @@ HEADING_SOURCES = ("dual_antenna", "odometry", "course")
 
 @dataclass(frozen=True, eq=False)
 class Imu:
-    """Inertial samples. Each sample is the mean over the interval that ends at its stamp.
+    """Inertial samples. Each sample is the mean over the sampling interval that ends at the time stamp of the sample.
 
     Attributes:
-        t_s: (n,) end of the interval of each sample [s].
-        accel_mps2: (n, 3) specific force in the body frame FLU, with gravity [m/s2].
+        t_s: (n,) time stamps: the end of the sampling interval of each sample [s].
+        accel_mps2: (n, 3) specific force in the body frame FLU, including the reaction to gravity [m/s2].
         gyro_radps: (n, 3) angular rate in the body frame FLU [rad/s].
     """
 
@@ -109,15 +110,15 @@ class Imu:
 
     @property
     def intervals_s(self) -> FloatArray:
-        """Interval (n,) before each stamp [s]. The first interval is unknown and is set to the nominal interval."""
+        """Interval (n,) before each time stamp [s]. The first interval is unknown, so the nominal interval is used."""
         return np.concatenate(([self.nominal_interval_s], np.diff(self.t_s)))
 
 
 class MeasuredVectors:
-    """Base class of `Position` and `Velocity`: values on three axes with their covariances.
+    """Base class of `Position` and `Velocity`: measured values on three axes, and the covariances of their errors.
 
     Attributes:
-        fields: Names of the fields with the values, the reported covariance and the true covariance.
+        fields: Names of the three fields that contain the values, the reported covariances and the true covariances.
     """
 
     fields: ClassVar[tuple[str, str, str]]
@@ -139,7 +140,7 @@ class MeasuredVectors:
 
     @property
     def reported(self) -> FloatArray:
-        """Reported covariance (m, 3, 3)."""
+        """Covariance (m, 3, 3) that the receiver or the data set reports."""
         return np.asarray(getattr(self, self.fields[1]))
 
     @property
@@ -149,7 +150,7 @@ class MeasuredVectors:
         return self.reported if known is None else np.asarray(known)
 
     def changed(self, values: FloatArray, reported: FloatArray, true: FloatArray) -> Self:
-        """Return a copy with other values (m, 3), reported covariances (m, 3, 3) and true covariances (m, 3, 3)."""
+        """Return a copy with new values (m, 3), reported covariances (m, 3, 3) and true covariances (m, 3, 3)."""
         changes: dict[str, Any] = dict(zip(self.fields, (values, reported, true), strict=True))
         return replace(self, **changes)  # type: ignore[type-var]  # the subclasses are dataclasses
 
@@ -159,11 +160,11 @@ class Position(MeasuredVectors):
     """Position fixes.
 
     Attributes:
-        t_s: (m,) times of validity [s].
+        t_s: (m,) times at which the values were valid [s].
         enu_m: (m, 3) position in ENU, with NaN on axes that were not measured [m].
         covariance_m2: (m, 3, 3) covariance that the receiver reports [m2].
-        true_covariance_m2: (m, 3, 3) true covariance of the errors of simulated or disturbed fixes [m2], or None if it
-            is not known.
+        true_covariance_m2: (m, 3, 3) true covariance of the errors of simulated or disturbed fixes [m2], or None if the
+            true covariance is not known.
     """
 
     t_s: FloatArray
@@ -179,15 +180,16 @@ class Velocity(MeasuredVectors):
     """Velocity measurements.
 
     Attributes:
-        t_s: (m,) times of validity [s]. Axes with different latencies are in different rows.
+        t_s: (m,) times at which the values were valid [s]. If the axes have different latencies, each axis has separate
+            rows.
         mps: (m, 3) velocity in ``frame``, with NaN on axes that were not measured [m/s].
-        covariance_m2ps2: (m, 3, 3) covariance that the receiver or the data set reports, in ``frame`` [m2/s2].
+        covariance_m2ps2: (m, 3, 3) reported covariance of the velocity errors, in the same frame as ``mps`` [m2/s2].
         frame: Frame of the velocity: "enu", "body" (FLU, all three axes) or "speed" (speed of a wheel). The first axis
-            of "speed" is the direction of travel, which is the x axis of the body with a correction by the data set.
-            For "speed", the second and third axes point left and up, and a component is NaN if it is unknown.
-            Velocities in the frames "body" and "speed", and their covariances, are rotated into ENU with the attitude
-            at the time of validity.
-        true_covariance_m2ps2: (m, 3, 3) true covariance of the errors [m2/s2], or None if it is not known.
+            of the frame "speed" is the direction of travel (the x axis of the body, corrected by the data set). The
+            second and third axes of "speed" point left and up. An unknown component is NaN. Before a run, velocities in
+            the frames "body" and "speed" are rotated into ENU with the attitude.
+        true_covariance_m2ps2: (m, 3, 3) true covariance of the velocity errors [m2/s2], or None if the true covariance
+            is not known.
     """
 
     t_s: FloatArray
@@ -212,14 +214,14 @@ class Velocity(MeasuredVectors):
     def along_course(
         cls, t_s: FloatArray, speed_mps: FloatArray, sigma_mps: float, across_sigma_mps: float | None = None
     ) -> Self:
-        """Return the speed of a wheel as a velocity in the frame "speed".
+        """Return a velocity in the frame "speed" from the speed that a wheel sensor measured.
 
         Args:
-            t_s: (m,) times of validity [s].
+            t_s: (m,) times at which the values were valid [s].
             speed_mps: (m,) forward speed, with NaN if the speed was not measured [m/s].
             sigma_mps: Standard deviation of the speed [m/s].
-            across_sigma_mps: Standard deviation of the velocity to the left and upwards, which is assumed to be zero
-                (non-holonomic constraint) [m/s]. With None, the axes left and up are not measured.
+            across_sigma_mps: Standard deviation of the pseudo-measurements "velocity to the left = 0" and "velocity
+                upwards = 0" (non-holonomic constraint) [m/s], or None to omit the pseudo-measurements.
         """
         along = np.asarray(speed_mps, dtype=np.float64)
         across = np.where(np.isfinite(along), np.nan if across_sigma_mps is None else 0.0, np.nan)
@@ -233,11 +235,11 @@ class Heading:
     """Heading measurements.
 
     Attributes:
-        t_s: (m,) times of validity [s].
-        yaw_rad: (m,) yaw from east towards north [rad].
+        t_s: (m,) times at which the values were valid [s].
+        yaw_rad: (m,) measured yaw, counted from east towards north [rad].
         sigma_rad: (m,) standard deviation of yaw [rad].
-        source: "dual_antenna", "odometry" (yaw from the odometry of the vehicle) or "course" (course over ground from a
-            receiver that reports no velocity in ENU).
+        source: Sensor of the heading: "dual_antenna", "odometry" (odometry of the vehicle) or "course" (course over
+            ground from a receiver that reports no velocity in ENU).
     """
 
     t_s: FloatArray
@@ -261,17 +263,17 @@ class Heading:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The reference trajectory, with which estimates are compared.
+    """The reference trajectory. The errors of estimates are computed relative to the reference.
 
     Attributes:
-        t_s: (k,) stamps [s].
-        source: Origin of the reference in one phrase.
+        t_s: (k,) time stamps of the reference [s].
+        source: Short description of how the reference was measured or simulated.
         independent: True if the reference uses none of the sensor data that the filters use.
-        enu_m: (k, 3) position in ENU, with NaN at stamps without a known position [m], or None.
-        velocity_mps: (k, 3) velocity in ENU [m/s], or None.
-        euler_rad: (k, 3) roll, pitch, yaw [rad], or None.
-        scored: (k,) True if the errors at the stamp count. By default, all stamps count.
-        sigma_m: (k, 3) standard deviation of the reference position in ENU [m], or None if it is not known.
+        enu_m: (k, 3) position in ENU [m], with NaN where it is unknown, or None if the reference has no positions.
+        velocity_mps: (k, 3) velocity in ENU [m/s], or None if the velocity is not known.
+        euler_rad: (k, 3) roll, pitch and yaw [rad], or None if the attitude is not known.
+        scored: (k,) mask of the time stamps at which metrics evaluate errors (by default, all time stamps).
+        sigma_m: (k, 3) standard deviation of the errors of the reference position in ENU [m], or None if unknown.
     """
 
     t_s: FloatArray
@@ -305,20 +307,20 @@ class Reference:
 
 @dataclass(frozen=True, eq=False)
 class ErrorModel:
-    """The error distribution of a linear Gaussian simulation, which is valid only for the streams stored with it.
+    """The distribution of the measurement errors in a linear Gaussian simulation, and the simulated measurements.
 
-    On each axis of position and velocity, the error divided by its standard deviation is sqrt(1 - s) w + sqrt(s) b. w
-    is white noise and b is a Gauss-Markov process with the correlation time T, both with unit variance.
+    On each axis of position and velocity, the error divided by its standard deviation is sqrt(1 - s) w + sqrt(s) b.
+    Both w (white noise) and b (a Gauss-Markov process with the correlation time T) have unit variance.
 
     Attributes:
-        imu: Inertial samples. The errors of the accelerometer are independent between axes and samples.
-        position: Position fixes.
-        velocity: Velocities in ENU.
+        imu: Simulated inertial samples. The errors of the accelerometer are white and independent between axes.
+        position: Simulated position fixes, before any disturbance.
+        velocity: Simulated velocities in ENU, before any disturbance.
         accel_sigma_mps2: Standard deviation of the error of an accelerometer sample [m/s2].
-        position_share: s of the position, the fraction of the error variance that is correlated in time [-].
-        position_time_s: T of the position [s].
-        velocity_share: s of the velocity, the fraction of the error variance that is correlated in time [-].
-        velocity_time_s: T of the velocity [s].
+        position_share: Fraction s of the variance of the position errors that is correlated in time [-].
+        position_time_s: Correlation time T of the position errors [s].
+        velocity_share: Fraction s of the variance of the velocity errors that is correlated in time [-].
+        velocity_time_s: Correlation time T of the velocity errors [s].
     """
 
     imu: Imu
@@ -331,7 +333,7 @@ class ErrorModel:
     velocity_time_s: float
 
 
-# The recording: streams, reference and metadata.
+# The recording: measurements, reference and metadata.
 
 _MIN_FIXES = 2
 """Minimum number of position fixes in a recording without an IMU. The steps of a run are the intervals between them."""
@@ -339,23 +341,24 @@ _MIN_FIXES = 2
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """The measurements of one drive, with their reference.
+    """The measurements of one drive, and the reference trajectory of the drive.
 
     Attributes:
-        name: Name in tables.
-        imu: Inertial samples, or None. Without an IMU, only filters that do not use the acceleration can run, and the
-            steps of a run are the intervals between measurements.
-        reference: The reference for the estimates.
-        position: Position fixes, or None.
-        velocity: Velocity measurements, or None.
-        heading: Headings from one source, or None.
-        origin: Origin of ENU, or None if it is not known.
-        start_utc: UTC at t_s = 0, or None if it is not known.
-        static_start_s: Duration for which the vehicle is stationary at the start, for the alignment [s].
-        outages_s: (k, 2) start and end of each interval without aiding, for the metrics [s].
-        notes: Sentences that are printed below tables.
-        drawn: Distribution of the errors of a simulation and its original streams, or None.
-        parameters: Random parameters of the recording, for example the speed of a random drive, by name of the column.
+        name: Name of the recording in tables.
+        imu: Inertial samples, or None if the recording has no IMU. Without an IMU, only filters that do not use
+            accelerations can run. The prediction steps of these filters are the intervals between measurements.
+        reference: The reference trajectory.
+        position: Position fixes, or None if no position was measured.
+        velocity: Velocity measurements, or None if no velocity was measured.
+        heading: Headings from one source, or None if the heading was not measured.
+        origin: Origin of the ENU coordinates, or None if the origin is not known.
+        start_utc: UTC time at t_s = 0, or None if the UTC time is not known.
+        static_start_s: Duration of the standstill at the start, in which filters may align the attitude [s].
+        outages_s: (k, 2) start and end of each outage of the aiding measurements, which the outage metrics read [s].
+        notes: Notes about the recording, which are printed below tables.
+        drawn: Distribution of the measurement errors of a simulation, or None if it is unknown or not Gaussian.
+        parameters: Values of the random parameters of a simulated drive, for example its speed, by the name of the
+            column in rows.csv.
     """
 
     name: str
@@ -391,10 +394,10 @@ class Recording:
         return self.imu
 
     def apparent_vertical(self, seconds: float) -> FloatArray:
-        """Return the direction of the mean specific force over the first ``seconds``, which is the vertical at rest.
+        """Return the direction of the mean specific force over the first ``seconds`` (the vertical if at rest).
 
         Returns:
-            Unit vector (3,) in the body frame FLU.
+            Unit vector (3,) along the mean specific force, in the body frame FLU.
 
         Raises:
             RecordingError: The mean specific force is zero.
@@ -410,7 +413,7 @@ class Recording:
 
     @property
     def clock_s(self) -> FloatArray:
-        """Stamps of the IMU, or stamps of all positions and velocities if the recording has no IMU [s]."""
+        """Time stamps of the IMU, or of all positions and velocities if the recording has no IMU [s]."""
         if self.imu is not None:
             return self.imu.t_s
         streams = [stream.t_s for stream in (self.position, self.velocity) if stream is not None]
@@ -427,7 +430,7 @@ class Recording:
         return f"Recording({self.name!r}, {self.duration_s:.2f} s: {streams})"
 
     def _repr_html_(self) -> str:
-        """Return the streams and the notes as HTML for notebooks."""
+        """Return HTML for notebooks with the time stamps of each kind of measurement, and the notes."""
         lines = {name: stamps_text(t_s) for name, t_s in self._stamps().items()}
         independent = "" if self.reference.independent else ", not independent"
         lines["reference"] = f"{stamps_text(self.reference.t_s)}; {self.reference.source}{independent}"
@@ -435,12 +438,12 @@ class Recording:
         return shown(self.name, lines | ({"outages": outages} if outages else {}) | dict.fromkeys(self.notes, ""))
 
     def _stamps(self) -> dict[str, FloatArray]:
-        """Return the stamps of each stream of the recording [s]."""
+        """Return the time stamps of each kind of measurement [s], by the name of the field."""
         streams = {"imu": self.imu, "position": self.position, "velocity": self.velocity, "heading": self.heading}
         return {name: stream.t_s for name, stream in streams.items() if stream is not None}
 
     def _require_fixes(self) -> None:
-        """Require that a recording without an IMU has two fixes, and that its velocity is in ENU."""
+        """Check a recording without an IMU: two position fixes are required, and the velocity must be in ENU."""
         if self.position is None or len(self.position.t_s) < _MIN_FIXES:
             raise RecordingError(f"{self.name} needs an IMU or at least {_MIN_FIXES} position fixes, but has neither.")
         if self.velocity is not None and self.velocity.frame != "enu":

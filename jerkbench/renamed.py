@@ -1,4 +1,4 @@
-"""Plugins and presets that were renamed. The old names can be used for one more version."""
+"""Plugins and presets that were renamed. The old names still work for one more version."""
 
 import re
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ def new_name(kind: str, name: str) -> str:
 
 
 def new_label(kind: str, label: str) -> str:
-    """Return the label of a stored row, with the old names replaced. The parameters in the label do not change.
+    """Return the label of a stored row with old names replaced by new names. Parameters in the label do not change.
 
     >>> new_label("disturbance", "bias(accel_mps2=0.1)+gnss_outage")
     'imu_bias(accel_mps2=0.1)+gnss_outage'
@@ -29,7 +29,7 @@ def new_label(kind: str, label: str) -> str:
 
 
 def new_argument(argument: str) -> str:
-    """Return an argument of a command line in which old names are replaced.
+    """Return a command-line argument with old names replaced by new names.
 
     >>> new_argument("disturbance=none,[bias,gnss_outage]"), new_argument("disturbance.bias.accel_mps2=0.1")
     ('disturbance=none,[imu_bias,gnss_outage]', 'disturbance.imu_bias.accel_mps2=0.1')

@@ -8,8 +8,9 @@ Each check raises an AssertionError whose message describes the problem. For exa
     def test_the_adaptation_satisfies_its_contract():
         check_plugin("adaptation", MyAdaptation())
 
-`check_plugin` checks the class (frozen, documented, hashable) and the methods. The other functions check only the
-methods. `small_recording` and `true_attitude` return the inputs with which the checks call a plugin.
+`check_plugin` checks the class (frozen, documented, hashable) and the methods of a plugin. The functions for one kind
+of plugin, such as `check_filter`, check only the methods. `small_recording` and `true_attitude` return the recording
+and the attitude that the checks pass to a plugin.
 """
 
 from jerkbench.plugins.checks import (

@@ -1,8 +1,8 @@
-"""The timeline of a recording and its attitude: the events of a run, ordered by their times of validity.
+"""The timeline of a run: IMU stamps, measurements and reference stamps in the order of their times of validity.
 
-Times are not rounded to the stamps of the IMU, and measurements are not interpolated. A measurement or a stamp of the
-reference that lies between two IMU stamps divides the interval. Times are compared as integer nanoseconds, because
-floating point times of the same event may differ by rounding errors.
+The times of measurements are not rounded to the time stamps of the IMU, and measurements are not interpolated. A
+measurement or a reference stamp between two IMU stamps divides the prediction into two steps. Times are compared as
+integer nanoseconds, because floating point times of the same event may differ by rounding errors.
 """
 
 import dataclasses
@@ -22,19 +22,23 @@ VARIANCE_FLOOR = 1e-6
 """Minimum variance of a measurement: (1 mm)^2 or (1 mm/s)^2."""
 
 ABSENT_SIGMA_MPS = 100.0
-"""Standard deviation of the axes that a speed does not measure [m/s]. It is small enough for a well conditioned R."""
+"""Standard deviation of the axes that a speed does not measure [m/s]. This value is small enough for a well conditioned
+R."""
 
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
-    """Measurements ordered by time. Measurements with equal times are in the same row.
+    """Measurements of position and velocity, ordered by time.
+
+    A position and a velocity with equal times are in one row.
 
     Attributes:
-        t_ns: (m,) times of validity [ns].
+        t_ns: (m,) times at which the measurements were valid [ns].
         z: (m, 6) position [m] and velocity [m/s] in ENU, with NaN on axes that were not measured.
         R: (m, 6, 6) reported covariance, whose diagonal elements are at least `VARIANCE_FLOOR`.
-        R_true: (m, 6, 6) true covariance of the errors if it is known, otherwise R.
-        unfloored: (m, 6, 6) R before its diagonal was raised to the floor, or None if no element was below the floor.
+        R_true: (m, 6, 6) true covariance of the measurement errors. If the true covariance is unknown, R_true is R.
+        unfloored: (m, 6, 6) R before small diagonal elements were raised to `VARIANCE_FLOOR`, or None if no element was
+            raised.
     """
 
     t_ns: IntArray
@@ -44,7 +48,7 @@ class Measurements:
     unfloored: FloatArray | None = None
 
     def covariances(self, *, true: bool) -> FloatArray:
-        """Return the covariances (m, 6, 6) that a filter uses: the true or the reported covariances."""
+        """Return the true measurement covariances (m, 6, 6) if ``true`` is set, otherwise the reported covariances."""
         return self.R_true if true else self.R
 
     @property
@@ -54,9 +58,9 @@ class Measurements:
 
 
 class ScaledMeasurements(Measurements):
-    """Measurements with a scaled R, which is computed on first access.
+    """Measurements whose R is scaled by two factors. The scaled R is computed on first access.
 
-    Batched runs need only `reported` and the factors, because they scale R themselves.
+    Batched runs do not access R, because the compiled filter loop multiplies R by the factors.
 
     Attributes:
         reported: The measurements with R as reported.
@@ -65,13 +69,13 @@ class ScaledMeasurements(Measurements):
     """
 
     def __init__(self, reported: Measurements, position: float, velocity: float) -> None:
-        """Use the arrays of ``reported`` without copies, except R."""
+        """Store the arrays of ``reported`` without copying them. R is computed later."""
         vars(self).update(t_ns=reported.t_ns, z=reported.z, R_true=reported.R_true)
         self.reported, self.position, self.velocity = reported, position, velocity
 
     @cached_property
     def R(self) -> FloatArray:  # noqa: N802 - overrides the field R
-        """Reported R (m, 6, 6) multiplied by the factors. Rows that were not measured do not change."""
+        """Reported R (m, 6, 6) multiplied by the factors. Elements of missing measurements do not change."""
         R, there = self.reported.as_reported.copy(), np.asarray(np.isfinite(self.z).reshape(-1, 2, 3).any(axis=2))
         for k, factor in enumerate((self.position, self.velocity)):
             rows: slice | BoolArray = slice(None) if there[:, k].all() else there[:, k]
@@ -82,7 +86,7 @@ class ScaledMeasurements(Measurements):
 
 
 def merged_measurements(recording: Recording, attitude: Attitude) -> Measurements:
-    """Merge the positions and velocities of a recording into rows of z, ordered by time."""
+    """Merge the positions and velocities of a recording into measurement vectors z, ordered by time."""
     position, velocity = recording.position, recording.velocity
     streams = [(slice(0, 3), position), (slice(3, 6), velocity and velocity_in_enu(velocity, attitude))]
     stamps = [np.empty(0, dtype=np.int64) if stream is None else nanoseconds(stream.t_s) for _, stream in streams]
@@ -100,23 +104,23 @@ def merged_measurements(recording: Recording, attitude: Attitude) -> Measurement
 
 
 def velocity_in_enu(velocity: Velocity, attitude: Attitude) -> Velocity:
-    """Rotate a velocity in the frame "body" or "speed", and its covariances, into ENU.
+    """Rotate velocities in the frame "body" or "speed", and their covariances, into ENU.
 
-    v is the velocity, C is its covariance, and Omega is the attitude at the last IMU stamp before the velocity::
+    With the velocity v, its covariance C, and the attitude Omega at the last IMU stamp up to the time of the velocity::
 
         z = Omega v;  R = Omega C Omega'
 
     An axis of "speed" that was not measured is set to 0 with the variance (100 m/s)^2 and without correlations. After
-    the rotation into ENU, only the large variance in R shows that the axis was not measured. The measured speed is then
-    spread over three rows, so adaptations that use only the diagonal of R, or add up variances, get little information
-    from a speed.
+    the rotation into ENU, only the large variance in R shows that the axis was not measured. The rotation distributes a
+    measured speed over three rows. Adaptations that use only the diagonal of R, or that add up variances, therefore get
+    little information from a speed.
     """
     if velocity.frame == "enu":
         return velocity
     sample = np.maximum(np.searchsorted(attitude.t_s, velocity.t_s, side="right") - 1, 0)
     omega = attitude.dcm[sample]
     absent = ~np.isfinite(velocity.mps)
-    absent[absent.all(axis=1)] = False  # rows without any value stay NaN
+    absent[absent.all(axis=1)] = False  # rows without any measured axis remain NaN
     true = velocity.true_covariance_m2ps2
     return Velocity(
         velocity.t_s,
@@ -128,7 +132,7 @@ def velocity_in_enu(velocity: Velocity, attitude: Attitude) -> Velocity:
 
 
 def floored(covariance: FloatArray) -> FloatArray:
-    """Raise each diagonal element of covariances (m, 6, 6) to the floor. Other elements do not change."""
+    """Raise diagonal elements of covariances (m, 6, 6) to at least `VARIANCE_FLOOR`. Other elements do not change."""
     raised = covariance.copy()
     diagonal = np.einsum("nii->ni", raised)
     np.maximum(diagonal, VARIANCE_FLOOR, out=diagonal)
@@ -136,13 +140,13 @@ def floored(covariance: FloatArray) -> FloatArray:
 
 
 def _widened(covariance: FloatArray, absent: BoolArray) -> FloatArray:
-    """Set the variance to `ABSENT_SIGMA_MPS` squared, and the correlations to zero, on the axes ``absent`` (n, 3)."""
+    """For the axes ``absent`` (n, 3), set the variance to `ABSENT_SIGMA_MPS` squared, and all correlations to zero."""
     either = absent[:, :, None] | absent[:, None, :]
     return np.where(either, ABSENT_SIGMA_MPS**2 * np.eye(3), covariance)
 
 
 def _rotated(omega: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return the covariances Omega C Omega' (n, 3, 3), which are exactly symmetric."""
+    """Return the covariances Omega C Omega' (n, 3, 3), made exactly symmetric."""
     rotated = np.einsum("nij,njk,nlk->nil", omega, covariance, omega)
     return np.asarray(0.5 * (rotated + rotated.transpose(0, 2, 1)))
 
@@ -168,13 +172,13 @@ _AT_START = np.diag([1.0] * 3 + [INITIAL_SPEED_SIGMA_MPS**2] * 3)
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """The measurements from which the initial state is computed. All R are as reported, without the variance floor.
+    """The measurements from which the initial state is computed. The covariances are not raised to the variance floor.
 
     Attributes:
         position_m: (3,) position of the first fix in ENU [m].
         covariance_m2: (3, 3) covariance of the first fix [m2].
-        velocities: For each velocity measurement, the indices of its axes in x, the velocity z predicted to the time of
-            the fix, R, and the variance that the prediction adds to each axis.
+        velocities: For each velocity measurement, a tuple of the indices of the measured axes in x, the velocity z
+            predicted to the time of the fix, R, and the variance that the prediction adds to each axis.
     """
 
     position_m: FloatArray
@@ -182,7 +186,7 @@ class Start:
     velocities: tuple[tuple[IntArray, FloatArray, FloatArray, float], ...]
 
     def motion(self, position: float = 1.0, velocity: float = 1.0) -> tuple[FloatArray, FloatArray]:
-        """Return the initial state x0 (6,) and its covariance P0 (6, 6), after R is multiplied by the factors."""
+        """Return the initial state x0 (6,) and its covariance P0 (6, 6), with R multiplied by the given factors."""
         x0, P0 = np.zeros(6), _AT_START.copy()
         x0[:3], P0[:3, :3] = self.position_m, _scaled(self.covariance_m2, position)
         for axes, z, R, grown in self.velocities:
@@ -191,12 +195,12 @@ class Start:
         return x0, P0
 
 
-cached_motion = lru_cache(maxsize=8192)(Start.motion)  # each entry needs about 1 kB
+cached_motion = lru_cache(maxsize=8192)(Start.motion)  # each cached result needs about 1 kB
 """`Start.motion` with a cache, because many settings of a search have the same factors."""
 
 
 def _scaled(R: FloatArray, factor: float) -> FloatArray:
-    """Return R (k, k) multiplied by ``factor``. Diagonal elements below the variance floor are raised to the floor."""
+    """Return R (k, k) multiplied by ``factor``. Diagonal elements are raised to at least the variance floor."""
     scaled = factor * R
     for k in range(len(scaled)):
         scaled[k, k] = max(scaled[k, k], VARIANCE_FLOOR)
@@ -204,18 +208,19 @@ def _scaled(R: FloatArray, factor: float) -> FloatArray:
 
 
 def start_of(measurements: Measurements, first: int, attitude: Attitude | None, dt0_s: float) -> Start:
-    """Return the position of the fix ``first``, and the latest velocity up to it, predicted to the time of the fix.
+    """Return the position fix in row ``first``, and the latest velocity up to it, predicted to the time of the fix.
 
-    Each velocity axis comes from its latest measurement in the last second up to the fix. Correlations between axes of
-    the same measurement are retained. The age of the measurement is tau. IMU samples with the input u cover the part
-    tau_u of tau. Without an IMU (``attitude`` is None), tau_u is 0::
+    For each velocity axis, the latest measurement in the last second up to the fix is used. Correlations between axes
+    of the same measurement are retained. The prediction covers the age tau of the measurement. IMU samples with the
+    input u (acceleration in ENU) are available during tau_u, a part of tau. Without an IMU (``attitude`` is None),
+    tau_u is 0::
 
         v = z + int u dt;  P = R + (tau_u .5 m/s2)^2 I + ((tau - tau_u) 2 m/s2)^2 I
 
-    An axis without a measurement up to the fix is set to 0 with a standard deviation of 10 m/s. Later measurements are
-    not used here, because the filter uses them in its updates, and no measurement may be used twice. A measurement is
-    not used in directions in which its standard deviation is 10 m/s or more, for example across the direction of travel
-    of a speed.
+    If an axis was not measured in this second, its velocity is 0 with a standard deviation of 10 m/s. Measurements
+    after the fix are not used for the initial state, because the filter uses them in its updates, and no measurement
+    may be used twice. A velocity measurement is ignored in directions in which its standard deviation is 10 m/s or
+    more, for example across the direction of travel if only a speed was measured.
     """
     start_s, reported, velocities = measurements.t_ns[first] * 1e-9, measurements.as_reported, []
     rows = latest_rows(measurements, first)
@@ -232,7 +237,7 @@ def start_of(measurements: Measurements, first: int, attitude: Attitude | None, 
 
 
 def latest_rows(measurements: Measurements, first: int) -> IntArray:
-    """Return the row of the latest measurement of each velocity axis (3,) in the last second up to the fix, or -1."""
+    """Return for each velocity axis (3,) the row of its latest measurement in the last second up to the fix, or -1."""
     t_ns = measurements.t_ns
     begin = int(np.searchsorted(t_ns, t_ns[first] - round(INITIAL_SPEED_AGE_S * 1e9)))
     measured = np.isfinite(measurements.z[begin : first + 1, 3:])
@@ -256,7 +261,7 @@ def _bounded(z: FloatArray, R: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _gained(attitude: Attitude | None, dt0_s: float, begin_s: float, end_s: float) -> tuple[FloatArray, float]:
-    """Return the integral (3,) of the input u between two times, and the duration that IMU samples cover [s]."""
+    """Return the integral (3,) of the acceleration between two times [m/s], and the duration with IMU samples [s]."""
     if attitude is None:
         return np.zeros(3), 0.0
     t_s = attitude.t_s
@@ -268,24 +273,24 @@ def _gained(attitude: Attitude | None, dt0_s: float, begin_s: float, end_s: floa
 
 @dataclass(frozen=True, eq=False)
 class Timeline:
-    """The steps of one run.
+    """The prediction steps and updates of one run, as arrays with one element for each of n steps.
 
-    A step is a prediction over dt with the input u of ``sample``. A step may end with an update. After the update, the
-    state may be compared with the reference.
+    A step is a prediction over the time dt with the input u (acceleration in ENU). A step can end with an update by a
+    measurement, followed by a comparison of the state with the reference.
 
     Attributes:
         dt0_s: Nominal sampling interval of the IMU, or the median interval between measurements without an IMU [s].
         dt_s: (n,) length of each step [s]. The first step has the length 0, because it is the start of the run.
-        sample: (n,) row of ``accel_enu_mps2`` that covers the step.
-        update: (n,) row of ``measurements`` at the end of the step, or -1 without an update.
-        reference: (n,) row of the reference at the end of the step, or -1 without a reference.
+        sample: (n,) row of ``accel_enu_mps2`` that contains the acceleration during the step.
+        update: (n,) row of ``measurements`` for the update at the end of the step, or -1 for a step without an update.
+        reference: (n,) row of the reference trajectory at the end of the step, or -1 if the reference has no such time.
         accel_enu_mps2: (samples, 3) input u in ENU, or zeros without an IMU [m/s2].
         measurements: The measurements of position and velocity.
         x0: (6,) initial position [m] and velocity [m/s] in ENU.
         P0: (6, 6) covariance of x0.
         euler_rad: (k, 3) roll, pitch, yaw at the stamps of the reference [rad].
         t_s: (n,) time at the end of each step [s].
-        start: The measurements from which x0 and P0 were computed, or None if x0 and P0 were passed directly.
+        start: The measurements from which x0 and P0 were computed, or None if the caller set x0 and P0 directly.
     """
 
     dt0_s: float
@@ -303,7 +308,7 @@ class Timeline:
 
     @cached_property
     def lengths(self) -> tuple[FloatArray, IntArray]:
-        """The distinct lengths of the steps, and for each step the index of its length (`step_lengths`)."""
+        """The distinct lengths of the steps [s], and for each step the index of its length (see `step_lengths`)."""
         return step_lengths(self.dt_s)
 
     @cached_property
@@ -313,7 +318,7 @@ class Timeline:
 
     @cached_property
     def update_times_s(self) -> FloatArray:
-        """Times (m,) since the start of the run of all updates with a measured row [s]. The array is read-only."""
+        """Times (m,) of all updates, relative to the start of the run [s]. The array is read-only."""
         rows = self.update[self.update >= 0]
         rows = rows[np.isfinite(self.measurements.z[rows]).any(axis=1)]
         times_s: FloatArray = self.measurements.t_ns[rows] * 1e-9 - self.t_s[0]
@@ -322,10 +327,12 @@ class Timeline:
 
 
 def build_timeline(recording: Recording, attitude: Attitude) -> Timeline:
-    """Return the timeline from the first fix to the last IMU sample, or to the last measurement without an IMU.
+    """Return the timeline from the first fix to the last IMU sample.
+
+    Without an IMU, the timeline ends at the last measurement.
 
     Raises:
-        RecordingError: The recording has no complete position fix between the first and the last IMU sample.
+        RecordingError: The recording has no position fix with all three axes during the run.
     """
     measurements = merged_measurements(recording, attitude)
     clock, reference = nanoseconds(recording.clock_s), nanoseconds(recording.reference.t_s)
@@ -355,8 +362,8 @@ def build_timeline(recording: Recording, attitude: Attitude) -> Timeline:
 
 
 def merged_times(*times_ns: IntArray) -> IntArray:
-    """Return the distinct times in increasing order. The function is fastest if each array is sorted."""
-    merged = np.sort(np.concatenate(times_ns), kind="stable")  # np.unique uses a hash table, which is slower
+    """Return the distinct times in increasing order. Sorted input arrays are merged faster."""
+    merged = np.sort(np.concatenate(times_ns), kind="stable")  # np.unique is slower
     is_new = np.append(True, merged[1:] != merged[:-1])
     return np.asarray(merged[is_new[: len(merged)]])
 
@@ -367,7 +374,7 @@ def nanoseconds(t_s: FloatArray) -> IntArray:
 
 
 def _rows_at(events: IntArray, t_ns: IntArray) -> IntArray:
-    """Return for each event the row of ``t_ns`` with the same time, or -1 without such a row."""
+    """Return for each time in ``events`` the index of the same time in ``t_ns``, or -1 if ``t_ns`` lacks this time."""
     rows = np.full(len(events), -1, dtype=np.int64)
     if len(t_ns):
         near = np.minimum(np.searchsorted(t_ns, events), len(t_ns) - 1)
@@ -384,11 +391,11 @@ def _first_fix(measurements: Measurements, begin_ns: int, end_ns: int, name: str
     return int(rows[0])
 
 
-# Lengths of steps. If the stamps are regular, the steps have only a few distinct lengths.
+# Distinct step lengths. With regular time stamps, the steps have only a few distinct lengths.
 
 
 def step_lengths(dt_s: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Return the distinct lengths of steps [s], and for each step the index of its length, or -1 if dt = 0.
+    """Return the distinct step lengths [s], and for each step the index of its length, or -1 for a step of length 0.
 
     Two lengths count as equal if they are equal after rounding to 1 ns.
     """
@@ -403,15 +410,16 @@ def step_lengths(dt_s: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 def _even(dt: FloatArray | IntArray) -> bool:
-    """Return whether all steps after the start are equal. Sorting, which takes a tenth of a run, is then not needed."""
+    """Return whether all steps after the start have equal lengths. This check avoids a slow sort of the lengths."""
     return bool(len(dt) > 1 and dt[0] <= 0 < dt[1] and (dt[1:] == dt[1]).all())
 
 
 def scaled_timeline(timeline: Timeline, recording: Recording, attitude: Attitude, scale: RScale) -> Timeline:
-    """Return the timeline of a recording with a scaled R, computed from its ``timeline`` with R as reported.
+    """Return the timeline with R multiplied by the factors ``scale``, computed from ``timeline`` with the reported R.
 
-    The result is bitwise equal to `build_timeline` after `with_r_scale`. Arrays that do not depend on R are not copied,
-    so the function takes only about 15 us, unless a velocity has to be rotated again.
+    The result is bitwise equal to the result of `build_timeline` for a recording that `with_r_scale` returned. The
+    function takes only about 15 us, because arrays that do not depend on R are not copied. Only if velocities have to
+    be rotated again, the function takes longer.
     """
     if not scale.changed:
         return timeline
@@ -419,7 +427,7 @@ def scaled_timeline(timeline: Timeline, recording: Recording, attitude: Attitude
     if timeline.start and (recording.velocity is None or recording.velocity.frame == "enu"):
         measured: Measurements = ScaledMeasurements(before, scale.position, scale.velocity)
         x0, P0 = cached_motion(timeline.start, scale.position, scale.velocity)
-    else:  # a velocity was rotated, so its reported R has to be scaled before the rotation
+    else:  # the reported R of a rotated velocity must be scaled before the rotation
         again = merged_measurements(with_r_scale(recording, scale), attitude)
         measured = dataclasses.replace(before, R=again.R, unfloored=again.unfloored)
         first = int(np.searchsorted(before.t_ns, round(timeline.t_s[0] * 1e9)))
@@ -429,14 +437,14 @@ def scaled_timeline(timeline: Timeline, recording: Recording, attitude: Attitude
     return scaled
 
 
-# A cache of the latest timelines. A run with the next adaptation uses the same timeline again.
+# A cache of recent timelines, because runs with different adaptations use the same timeline.
 
 cached_timeline = lru_cache(maxsize=32)(build_timeline)
 """`build_timeline` with a cache that has the same size as the cache of recordings."""
 
 
 class Run(NamedTuple):
-    """The timeline and the scoring of a run, without its filter."""
+    """The inputs of a run of a kinematic filter: the timeline, and the weights of the errors for the metrics."""
 
     timeline: Timeline
     scoring: ErrorWeights
@@ -444,13 +452,13 @@ class Run(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RecordedRun:
-    """The inputs and the scoring of a run of an estimator, which also uses the recording.
+    """The inputs of a run of an estimator: the recording, the timeline, and the weights of the errors for the metrics.
 
     Attributes:
-        reported: The recording with the covariances that the receiver reports.
-        attitude: The attitude of the recording.
-        timeline: The timeline of the recording and the attitude.
-        scoring: The weights of the errors.
+        reported: The recording with covariances as reported by the receiver (not scaled).
+        attitude: The estimated attitude of the vehicle in this recording.
+        timeline: The timeline, computed from the recording and the attitude.
+        scoring: Weights with which errors are added to the sums for the metrics.
         r_scale: Factors on the reported covariances.
     """
 

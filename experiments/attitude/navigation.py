@@ -133,7 +133,7 @@ def navigation_table(rows: pd.DataFrame) -> str:
         parts.append(plain_table(head, [[name, *verdict_cells(of), closed[name]] for name, of in found.items()]))
         known = np.exp((mean.loc[(INERTIAL, "constant, start known")] - own["constant"][0]).mean())
         parts.append(
-            f"eskf15 has {np.exp(-gap):.2f} times the error of {model} with `constant`; {known:.2f} times with a known"
-            " start."
+            f"The position error of eskf15 is {np.exp(-gap):.2f} times the error of {model} with the attitude"
+            f" `constant`, and {known:.2f} times this error if eskf15 has a known start."
         )
     return "\n\n".join(parts)

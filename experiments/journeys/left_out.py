@@ -125,7 +125,7 @@ def setting_rows(
 
 def answer(results: Path, title: str, study: str, sentences: str) -> None:
     """Write the finding of a study, which the page of the audit includes. Links are relative to experiments/audit."""
-    head = f"**{title}** ([details](../{study}/README.md)). Error of the average adaptation, tuned on other places:"
+    head = f"**{title}** ([details](../{study}/README.md)). All filters were tuned on recordings from other places:"
     write_text(results / "answer.md", f"{head}\n\n{sentences}\n")
 
 
@@ -269,9 +269,9 @@ def ratio_sentence(d: FloatArray, taken: Taken, unit: str) -> str:
     """Return the result of (16, n) log ratios as one line; ``unit`` is the noun for a replicate."""
     result = over_replicates(d, taken)
     low, high = result.exact
-    ratio = f"{result.median:.2f} [{low:.2f}, {high:.2f}] times the error of the plain filter"
-    wins = f"better on {result.wins} of {result.n} {unit}s, p = {result.p:.2g}: **{result.verdict}**"
-    return f"{ratio}, {wins}. Worst {unit}: {result.worst} {result.worst_ratio:.2f}."
+    ratio = f"{result.median:.2f} [{low:.2f}, {high:.2f}] is the ratio of the average adaptation to the plain filter"
+    wins = f"it is below 1 on {result.wins} of {result.n} {unit}s (p = {result.p:.2g}): **{result.verdict}**"
+    return f"{ratio}; {wins}. The largest ratio of a {unit} is {result.worst_ratio:.2f} ({result.worst})."
 
 
 def ratio_table(losses: Mapping[Method, FloatArray], taken: Taken, unit: str) -> str:

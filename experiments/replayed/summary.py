@@ -136,8 +136,8 @@ def sentences(rows: pd.DataFrame) -> Iterator[str]:
                 lost[key[2]] = lost.get(key[2], 0) + int(np.isinf(errors).sum())
         counts = [f"{count} with {name}" for name, count in lost.items()]
         yield (
-            f"- **{title(at)}**: better with some filters and worse with none: {named(helps)}. Worse with every filter"
-            f" that takes it: {named(harms)}. Lost runs: {named(counts)}."
+            f"- **{title(at)}**: better with some filters and worse with no filter: {named(helps)}. Worse with every"
+            f" filter that supports the adaptation: {named(harms)}. Diverged or failed runs: {named(counts)}."
         )
 
 

@@ -13,7 +13,7 @@ class JerkbenchSweeper(BasicSweeper):
     """Plans and runs all jobs of a sweep together, and replaces Hydra's launcher, which runs each job separately."""
 
     def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
-        """Check the options of the sweep before Hydra creates its folder."""
+        """Check the options of the sweep before Hydra creates the folder of the sweep."""
         from jerkbench.errors import PluginError
         from jerkbench.hydra_app.configuration import check_options
 

@@ -14,7 +14,7 @@ WINDOW = Range(3, 200, log=True, source="ours: from a very noisy estimate to 40 
 SHORT_WINDOW = Range(1, 50, log=True, source="ours: from the single innovation of the paper to 10 s of fixes at 5 Hz")
 
 MAX_PASSES = 1000
-"""Maximum number of passes of an update, a hundred times as many as in the papers. This limits the run time."""
+"""Maximum number of passes of an iterated update, which limits the run time. The papers use at most ten passes."""
 
 ABOVE_0 = Limit(lambda value: value > 0, "it must be above 0.")
 ONE_OR_MORE = Limit(lambda value: value >= 1, "it must be at least 1.")

@@ -76,15 +76,15 @@ class Chi2Gate(Limited):
 @register("adaptation", "relaxing_gate")
 @dataclass(frozen=True)
 class RelaxingGate(Limited):
-    """Drops a row beyond k sigma, and widens this gate after consecutive rejections until an update is accepted.
+    """Drops a row whose innovation exceeds a gate of k sigma, which widens after consecutive rejections.
 
     The test of row i uses the innovation y, S = H P- H' + R, and the number c of consecutive rejections of the row::
 
         dropped if |y_i| > k f^max(0, c - N) sqrt(S_ii)
 
     A rejection increments c, and an accepted update resets c to 0. With a gate of fixed width, a filter with a large
-    error rejects all measurements and never recovers. With this gate, the filter recovers, but the filter also accepts
-    wrong position fixes if they last long enough.
+    error rejects all measurements and never recovers. With the widening gate, the filter recovers, but it also accepts
+    wrong position fixes that last long enough.
 
     Source: common practice of receivers and flight controllers; the default values are not tuned.
 
@@ -129,7 +129,7 @@ class RelaxingGate(Limited):
         adapted = R.copy()
         for i, row in enumerate(rows):
             limit, late = self.width * math.sqrt(HPHt[i, i] + R[i, i]), memory[row] - self.patience
-            if anywhere(late):  # skip the slow power if no gate widens
+            if anywhere(late):  # a power is slow, so it is computed only if a gate widens
                 limit *= each_run(math.pow, self.growth, min(max(late, 0.0), 100.0))
             dropped = select(abs(innovation[i]), limit, 1.0, 0.0)
             memory[row] = select(dropped, 0.0, memory[row] + 1.0, 0.0)

@@ -42,9 +42,9 @@ class UnchangedR:
 
 
 UPDATE_COUNTS, HIT_COUNTS, RING_SUMS, RINGS = 0, 6, 12, 18
-"""Start indices in the memory of `windowed_mean`. Each part has values for six rows: the number of updates, the number
-of consecutive hits (used by `inflated`), the sum of the values since the ring buffer was last full, and the ring
-buffers."""
+"""Start indices in the memory of `windowed_mean`. Each part of the memory has values for six rows: the number of
+updates, the number of consecutive hits (used by `inflated`), the sum of the values since the ring buffer was last full,
+and the ring buffers."""
 
 
 class Windowed(Limited):
@@ -60,9 +60,9 @@ class Windowed(Limited):
 def windowed_mean(memory: FloatArray, window: float, row: int, value: float) -> float:
     """Add ``value`` to the ring buffer of ``row``, and return the mean of the last ``window`` values.
 
-    With fewer than ``window`` values, the result is the mean of all values. When the buffer is full, each element is
-    replaced by the sum of this element and all later elements, and the buffer is filled from the start again. The sum
-    of the old values that have not been overwritten is then stored in a single element. Therefore no value is ever
+    If fewer than ``window`` values were added, the result is the mean of all values. When the buffer is full, each
+    element is replaced by the sum of this element and all later elements, and the buffer is filled from the start
+    again. One element then contains the sum of all old values that have not been overwritten. No value is ever
     subtracted from a sum, and the average cost of an update does not depend on the window length. The array ``memory``
     must have at least the length that `Windowed.memory_size` returns.
     """
@@ -94,12 +94,13 @@ def inflated(
 ) -> FloatArray:
     """Return R, with inflated variances in the rows of position or velocity if their test has triggered.
 
-    The inflated variance of row i is r_i + max(0, w_i - h_i - r_i). The tuple ``triggered`` contains 1 or 0 for the
-    tests of position and velocity. The array ``memory`` is the memory of `windowed_mean`.
+    The inflated variance of row i is r_i + max(0, w_i - h_i - r_i), with the result w_i of `windowed_mean`, h_i = (H P-
+    H')_ii and r_i = R_ii. The tuple ``triggered`` contains one number for position and one for velocity: 1 if the test
+    has triggered, otherwise 0. The array ``memory`` is the memory of `windowed_mean`.
     """
     uses_memory = anywhere(window - 1.0 + guard)
     if not (uses_memory or anywhere(triggered[0] + triggered[1])):
-        return R  # in about two thirds of the updates, no test has triggered
+        return R  # avoids a copy in about two thirds of the updates
     adapted = R.copy()
     for i, row in enumerate(rows):
         mean = innovation[i] * innovation[i]
@@ -144,8 +145,8 @@ def chi2_tail(x: float, rows: int) -> float:
     """Return the probability that a chi-square variable with ``rows`` degrees of freedom exceeds ``x``.
 
     The probability Q_m is computed by the recursion Q_(m+2) = Q_m + (x/2)^(m/2) exp(-x/2)/Gamma(m/2 + 1), which starts
-    with Q_1 = erfc(sqrt(x/2)) or Q_2 = exp(-x/2). The condition x > chi2(p, m) is equivalent to Q_m(x) < 1 - p, so a
-    test needs no quantiles.
+    with Q_1 = erfc(sqrt(x/2)) or Q_2 = exp(-x/2). A test computes Q_m(x) < 1 - p, which is equivalent to x > chi2(p, m)
+    but needs no quantile.
     """
     half = 0.5 * min(x, MAX_DISTANCE)
     odd = rows % 2
@@ -163,7 +164,7 @@ def gaussian_kernel(error: float, bandwidth: float) -> float:
 
 
 MAX_LOG_INVERSE = 100.0
-"""Upper limit of the exponent in `inverse_kernel`. Its exponential is finite and exceeds every inverse weight."""
+"""Upper limit of the exponent in `inverse_kernel`. The number exp(100) is finite and exceeds every inverse weight."""
 
 
 def inverse_kernel(error: float, bandwidth: float, minimum: float) -> float:
@@ -172,16 +173,16 @@ def inverse_kernel(error: float, bandwidth: float, minimum: float) -> float:
 
 
 MAX_ITERATIONS = 50
-"""Maximum number of passes until convergence."""
+"""Maximum number of passes of an iteration that does not converge."""
 
 STATE_TOLERANCE = 1e-6
-"""The iteration has converged if the state changes by less than this fraction of its norm."""
+"""An iteration has converged if the state changes by less than this fraction of the norm of the state."""
 
 MIN_WEIGHT = 1e-8
 """Smallest weight, so that the weighted covariances remain finite."""
 
 MEASURED_STATES = 6
-"""Position and velocity are the first states of every filter, and the only states that are measured."""
+"""Number of position and velocity states. They are the first states of every filter, and only they are measured."""
 
 
 class Stack(NamedTuple):
@@ -196,9 +197,9 @@ class Stack(NamedTuple):
 
         S = J C^-1 J' = H P~ H' + R~,    v = S^-1 y,    r = C^-1 J' v,    x = x- + B_p r_p
 
-    Only the first p = min(6, n) states can be measured, and B_p is lower triangular. Therefore only the first p
-    elements of r_p can differ from zero, and only these elements are stored. The inverse weights C^-1 are stored
-    instead of the weights, because a division takes as long as ten products.
+    Only the first p = min(6, n) states can be measured, and B_p is lower triangular, so only the first p elements of
+    r_p can differ from zero. Only these elements are stored. The inverse weights C^-1 are stored instead of the
+    weights, because a division takes as long as ten products.
 
     Attributes:
         Up: (p, n) first p rows of the transposed Cholesky factor B_p'.
@@ -313,13 +314,12 @@ class MeasuredUpdate(NamedTuple):
 
     The function `full_covariance` computes the covariance of all states after the last pass. An update changes a
     covariance only in the directions of P- H', so the measured states determine the full covariance. Let E be a linear
-    combination of P-, posterior covariances and products (x - x-)(x - x-)'. In all other directions, E is equal to f P-
-    with a factor f. The matrix E is determined by f, N = H P- H' and W = H E H'::
+    combination of P-, posterior covariances and products (x - x-)(x - x-)'. In all directions other than P- H', E is
+    equal to f P- with a factor f. The matrix E is determined by f, N = H P- H' and W = H E H'::
 
         E = f P- + K0 (W - f N) K0',    K0 = P- H' N^-1,    W = H E H'
 
-    The update with P~ = E / xi and R~ = R / lambda then needs only the matrix S = W / xi + R~ (m, m) and v = S^-1 y
-    (m,)::
+    The update with P~ = E / xi and R~ = R / lambda needs only the matrix S = W / xi + R~ (m, m) and v = S^-1 y (m,)::
 
         H (x - x-) = W v / xi,                          H posterior H' = W / xi - W S^-1 W / xi^2
         D_x = posterior + (x - x-)(x - x-)',            tr(D_x E^-1) = (n - m + tr(S^-1 R~) + v' W v / xi) / xi
@@ -327,15 +327,15 @@ class MeasuredUpdate(NamedTuple):
 
     Attributes:
         W: (m, m) covariance H E H' of the measured states.
-        R: (m, m) reported measurement covariance. The array is not a copy of the array of the caller.
+        R: (m, m) reported measurement covariance (the array of the caller, not a copy).
         Ur: (m, m) upper triangular root of R.
         S: (m, m) innovation covariance S, of which only the lower triangle is computed.
         M: (m, m) factors L and D of S = L D L'.
         v: (m,) weighted innovation S^-1 y.
         step: (m,) change H (x - x-) of the measured states.
         D: (m, m) matrix H D_x H'.
-        X: (m, m) buffer.
-        b: (m,) buffer.
+        X: (m, m) buffer for intermediate matrices.
+        b: (m,) buffer for intermediate vectors.
     """
 
     W: FloatArray
@@ -359,7 +359,7 @@ def measured_update(P: FloatArray, R: FloatArray, rows: IntArray) -> MeasuredUpd
 
 
 def fill_solution(update: MeasuredUpdate, innovation: FloatArray, xi: float, weight: float) -> None:
-    """Compute S and v of the update with P~ = E / ``xi`` and R~ = R / ``weight``."""
+    """Compute S and v = S^-1 y of the update with P~ = E / ``xi`` and R~ = R / ``weight``."""
     by_xi, by_weight = 1.0 / xi, 1.0 / weight
     for i in range(len(update.v)):
         for j in range(i + 1):
@@ -427,8 +427,8 @@ def fill_mixture(W: FloatArray, N: FloatArray, tau: float, D: FloatArray, xi: fl
 def full_covariance(P: FloatArray, rows: IntArray, N: FloatArray, W: FloatArray, f: float) -> FloatArray:
     """Return the exactly symmetric covariance E (n, n) of all states.
 
-    For the measured states, K0 is the identity matrix and E is equal to W. Therefore K0 is computed only for the other
-    states.
+    For the measured states, K0 is the identity matrix and E is equal to W. Therefore K0 (see `MeasuredUpdate`) is
+    computed only for the states that are not measured.
     """
     n, m = len(P), len(rows)
     M, others, products = np.empty((m, m), P.dtype), _others(n, rows), np.empty((2, m, n - m), P.dtype)

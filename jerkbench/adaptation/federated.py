@@ -28,13 +28,14 @@ class Federated(Limited):
         if y'y >= sum h / beta_i + sum r:    lambda_i = (y'y - sum h / beta_i) / sum r,  else 1
         R_block = lambda_i R_block
 
-    The fusion of the local filters is exactly equal to the central filter with the scaled R. Therefore this adaptation
-    computes only R. If neither condition is met, the result does not depend on beta. Covariances between position and
-    velocity in R are scaled by sqrt(lambda_p lambda_v), because local filters cannot use them. If position or velocity
-    is not measured, beta does not change.
+    The fusion of the local filters is exactly equal to the central filter with the scaled R, so this adaptation
+    computes only R. If no lambda exceeds 1, the result does not depend on beta. Covariances between position and
+    velocity in R are scaled by sqrt(lambda_p lambda_v), because local filters cannot use these covariances. If position
+    or velocity is not measured, beta does not change.
 
     The method works well on a fault of only position or only velocity, because only the R of the faulty measurement is
-    inflated. All three axes of a block have the same factor. A small beta increases the threshold of the position test.
+    inflated. All three axes of a block have the same factor lambda. A small beta increases the threshold of the
+    position test.
 
     Source: N. A. Carlson, "Federated square root filter for decentralized parallel processes", IEEE Trans. Aerospace
     and Electronic Systems 26(3), 517-525, 1990, doi:10.1109/7.106130, with `scalar_r` in the local filters.

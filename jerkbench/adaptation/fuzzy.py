@@ -22,14 +22,14 @@ class Fuzzy(Limited):
         R = R (small + medium (1 - small - large) + large_factor large)
 
     With the default factors, R does not change for rho <= 1. R is multiplied by 4 at rho = 2 and by 25 for rho >= 6.
-    The factor is a continuous function of rho. With the default smoothing, a deviation of rho is halved with each
-    update. All measured axes have the same factor, so one faulty axis reduces the weight of the other axes. The sums
-    add squares of metres to squares of metres per second. The adaptation has a single rho, even if different updates
-    measure different quantities.
+    The factor is a continuous function of rho. With the default smoothing, each update halves the effect of previous
+    innovations on rho. All measured axes have the same factor, so one faulty axis reduces the weight of the other axes.
+    The sums add squares of metres (position) to squares of metres per second (velocity). The adaptation has a single
+    rho, even if different updates measure different quantities.
 
     Source: fuzzy adaptation of R by the degree of mismatch, after P. J. Escamilla-Ambrosio, N. Mort, "Multisensor data
     fusion architecture based on adaptive Kalman filters and fuzzy logic performance assessment", Fusion 2002.
-    Simplification: three rules on one ratio.
+    Simplification: the method has only three rules, for one ratio.
 
     Attributes:
         smoothing: s, weight of the previous value of rho, at least 0 and below 1 [-].

@@ -1,4 +1,4 @@
-"""Robust weights by Huber, either for prior and measurement or for R only, and by IGG III."""
+"""Robust weights: Huber weights for prior and measurement or for R only, and IGG III weights for R."""
 
 import math
 from dataclasses import dataclass
@@ -29,12 +29,12 @@ class Huber(Limited):
     R in the update of the state and of its covariance. For residuals beyond gamma standard deviations, the cost is
     linear, so the influence of an outlier is bounded. If P- is larger than R, an outlier of the measurement changes the
     state and reduces the weights of the prior. P- is larger than R after an outage or with a large Q. The option
-    ``sides=measurement`` avoids this effect by C_p = I. The adaptation `huber_r` weights each row of R separately,
-    without iterations.
+    ``sides=measurement`` sets C_p = I, so the weights of the prior do not change. The adaptation `huber_r` weights each
+    row of R separately, without iterations.
 
     Source: C. D. Karlgaard, "Nonlinear regression Huber-Kalman filtering and fixed-interval smoothing", Journal of
     Guidance, Control, and Dynamics 38(2), 2015, doi:10.2514/1.G000799. The nonlinear measurement and the smoother of
-    the source are not included. The parameter ``sides`` is an addition.
+    the source are not included. The parameter ``sides`` is an addition to the published method.
 
     Attributes:
         threshold: gamma, threshold in standard deviations of the whitened residual [-].
@@ -93,21 +93,22 @@ class Huber(Limited):
 @register("adaptation", "huber_r")
 @dataclass(frozen=True)
 class HuberR(Limited):
-    """Inflates the variance of a row in proportion to its innovation, beyond a threshold.
+    """Inflates the variance of a row in proportion to its innovation, if the innovation exceeds a threshold.
 
     In the following equation for row i, y is the innovation, h_i = (H P- H')_ii and r_i = R_ii::
 
         r_i = r_i max(1, |y_i| / (k sqrt(h_i + r_i)))
 
-    The cost is quadratic within k standard deviations and linear outside. With k = 1.345, the efficiency on Gaussian
-    noise is 95 %. The method never drops an outlier. The influence of an outlier is bounded if h_i is small compared
-    with r_i, but several consecutive outliers still change the state. The off-diagonal elements of R do not change. The
-    weights are computed from the innovation of the prior, without iterations.
+    The cost function is quadratic for innovations up to k standard deviations, and linear for larger innovations. With
+    k = 1.345, the efficiency on Gaussian noise is 95 %. The method never drops an outlier. The influence of an outlier
+    is bounded if h_i is small compared with r_i, but several consecutive outliers still change the state. The
+    off-diagonal elements of R do not change. The weights are computed from the innovation of the prior, without
+    iterations.
 
     Source: P. J. Huber, "Robust estimation of a location parameter", Annals of Mathematical Statistics 35, 73-101,
     1964, doi:10.1214/aoms/1177703732; in Kalman filters e.g. C. D. Karlgaard, H. Schaub, "Huber-based divided
     difference filtering", Journal of Guidance, Control, and Dynamics 30(3), 885-891, 2007. Simplifications: only the
-    measurement is weighted, each row separately, without iterations.
+    measurement is weighted, and each row is weighted separately without iterations.
 
     Attributes:
         threshold: k, threshold in standard deviations of the innovation [-].
@@ -151,13 +152,13 @@ class Igg3(Limited):
         R_ii = R_ii / w;  w = 0 drops the row
 
     The off-diagonal elements of R do not change. Unlike a Huber weight, the weight decreases to zero, so a gross
-    outlier has no influence. If the state has an error of more than k1 standard deviations for any other reason, the
-    filter drops every measurement and does not recover.
+    outlier has no influence. If the error of the state itself exceeds k1 standard deviations, the filter drops every
+    measurement and does not recover.
 
     Source: Y. Yang, L. Song, T. Xu, "Robust estimator for correlated observations based on bifactor equivalent
     weights", Journal of Geodesy 76, 353-358, 2002, for the weight function. Simplifications: the innovation replaces
-    the residual of the adjustment, and each row is weighted separately without iterations. The defaults k0 = 2 and
-    k1 = 6 are larger than the common values 1.5 and 4.
+    the residual of the least-squares adjustment, and each row is weighted separately without iterations. The defaults
+    k0 = 2 and k1 = 6 are larger than the common values 1.5 and 4.
 
     Attributes:
         keep: k0, size of the innovation up to which a row has the full weight, in standard deviations [-].

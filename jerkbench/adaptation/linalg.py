@@ -7,11 +7,11 @@ The module contains the following groups of functions and classes, in this order
     `diagonalise`, which transforms an innovation into coordinates in which H P- H' and R are diagonal
     `Residuals`, an update that is repeated with different weights, in coordinates in which R is the identity
 
-For six rows, a call of LAPACK or the allocation of an array takes longer than the arithmetic. Therefore most functions
-write their result into the last argument. The functions read only the lower triangle of a symmetric matrix. The root U
-of a matrix A is upper triangular (Cholesky, A = U' U), because the rows of U are contiguous in memory. The factors of A
-= L D L' are stored in one matrix, with L below the diagonal and 1/D on the diagonal. The matrix contains 1/D, because a
-division takes as long as ten products.
+For six rows, a call of LAPACK or the allocation of an array takes longer than the arithmetic, so most functions write
+their result into the last argument. The functions read only the lower triangle of a symmetric matrix. The root U of a
+matrix A is upper triangular (Cholesky, A = U' U), because the loops read its rows, which are contiguous in memory. The
+factors of A = L D L' are stored in one matrix, with L below the diagonal and 1/D on the diagonal. The diagonal contains
+1/D and not D, because a division takes as long as ten products.
 """
 
 import math
@@ -28,8 +28,8 @@ def factorise(A: FloatArray, M: FloatArray) -> None:
     """Compute the factors M of A = L D L', where M and A must be different arrays.
 
     The elements of M above the diagonal have no meaning. Each pivot is raised to at least `ROUNDING` times its diagonal
-    element, because rounding errors can make a covariance singular after a gap of 100 s. The engines accept such a
-    covariance up to the limit `INDEFINITE` (`jerkbench.kalman`).
+    element, because rounding errors can make a covariance singular after a gap of 100 s without measurements. A pivot
+    may be negative down to -`INDEFINITE` times its diagonal element, the tolerance of the engines (`jerkbench.kalman`).
 
     Raises:
         LinAlgError: the matrix A is not positive definite.
@@ -83,7 +83,7 @@ def solve(M: FloatArray, b: FloatArray, x: FloatArray) -> None:
         x[r] = rest
     for r in range(n - 1, -1, -1):
         rest = x[r] * M[r, r]
-        for k in range(n - 1, r, -1):  # the last product depends on the previous result
+        for k in range(n - 1, r, -1):  # in this order, only the last product waits for the previous result
             rest -= M[k, r] * x[k]
         x[r] = rest
 
@@ -228,10 +228,10 @@ def diagonalise(A: FloatArray, R: FloatArray, X: FloatArray) -> FloatArray:
     The argument A is H P- H'. The arrays A and R are overwritten. The whitening uses R = L L' (Cholesky), and the
     diagonalisation L^-1 H P- H' L^-T = V diag(d) V' consists of Jacobi rotations. In the new coordinates, the
     innovation is a = V' L^-1 y, R is the identity and H P- H' is diag(d). The rotations stop if each off-diagonal
-    element is smaller than the rounding error of its two diagonal elements. Therefore small values of d are as accurate
-    as large values. After a gap, the values of d differ by twelve orders of magnitude. The rows are first sorted by the
-    ratio of H P- H' to R, because the whitening adds multiples of the previous rows to a row, which would make small
-    values inaccurate.
+    element is smaller than the rounding error of its two diagonal elements, so small values of d are as accurate as
+    large values. After a gap without measurements, the values of d can differ by twelve orders of magnitude. The rows
+    are first sorted by the ratio of H P- H' to R, because the whitening adds multiples of the previous rows to a row,
+    which would make small values inaccurate.
 
     Raises:
         LinAlgError: the matrix R is not positive definite.
@@ -324,7 +324,7 @@ def explained_sums(d: FloatArray, a: FloatArray, r: float, w: FloatArray) -> tup
 
 
 MIN_RESIDUAL_WEIGHT = 1e-9
-"""Smallest weight of a row. The largest factor on R is its inverse, which is finite."""
+"""Smallest weight of a row. The largest factor on R is the inverse of this weight, so R remains finite."""
 
 
 class Residuals(NamedTuple):

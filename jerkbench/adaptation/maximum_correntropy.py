@@ -43,8 +43,8 @@ class MaximumCorrentropy(UnchangedR, Limited):
     several standard deviations has a weight of nearly zero. The filter may reject all measurements and diverge, because
     the weights at x- treat a correct measurement far from the prior as an outlier. The filter may diverge after an
     outage, with a large Q or a small sigma, and without an IMU (experiments/journeys). With ``start=update``, the
-    weights of the first pass are 1, so the first pass is the Kalman update. With this option, the filter rejects fewer
-    correct measurements, but also fewer outliers. The option ``sides=measurement`` sets C_p = I. The adaptation
+    weights of the first pass are 1, so the first pass is the Kalman update. With ``start=update``, the filter rejects
+    fewer correct measurements, but also fewer outliers. The option ``sides=measurement`` sets C_p = I. The adaptation
     `maximum_correntropy_r` weights only the measurement, in a few passes.
 
     Source: B. Chen, X. Liu, H. Zhao, J. C. Principe, "Maximum correntropy Kalman filter", Automatica 76, 70-77, 2017,
@@ -100,8 +100,8 @@ class MaximumCorrentropyR(Limited):
         R_(k+1) = L diag(1 / max(G_i, 1e-9)) L',   G_i = exp(-e_i^2 / (2 sigma^2))
 
     A residual of several standard deviations has a weight of nearly zero. Unlike with Huber weights, large outliers
-    therefore have no influence. The bandwidth sigma is a multiple of the reported standard deviation. If the reported R
-    is too small, the method treats correct measurements as outliers. For sigma -> infinity, the method is equivalent to
+    have no influence. The bandwidth sigma is a multiple of the reported standard deviation. If the reported R is too
+    small, the method treats correct measurements as outliers. For sigma -> infinity, the method is equivalent to
     `none`.
 
     Source: B. Chen, X. Liu, H. Zhao, J. C. Principe, "Maximum correntropy Kalman filter", Automatica 76, 70-77, 2017,
@@ -141,8 +141,8 @@ class MaximumCorrentropyR(Limited):
 class CentredErrorEntropyR(Limited):
     """Weights each measurement by the distance of its residual from zero and from the other residuals.
 
-    The weights are derived from the centred error entropy. In the following equations of a pass, y is the innovation of
-    m rows, R = L L' (Cholesky), R_0 = R, and G_s(e) = exp(-e^2 / (2 s^2)) is the kernel::
+    The method derives the weights from the centred error entropy. In the following equations of a pass, y is the
+    innovation of m rows, R = L L' (Cholesky), R_0 = R, and G_s(e) = exp(-e^2 / (2 s^2)) is the kernel::
 
         e = L^-1 R_k (H P- H' + R_k)^-1 y                      the standardised residual after an update with R_k
         w_i = eta G_s1(e_i) + (1 - eta) mean_(j != i) G_s2(e_i - e_j)
@@ -150,16 +150,16 @@ class CentredErrorEntropyR(Limited):
 
     The first term of the weight w_i is the correntropy, and the second term is the pairwise error entropy. If only one
     row is an outlier, both terms of its weight are small. If all rows have a similar error, the second term remains
-    large, so R increases by a factor of at most 1/(1 - eta). Therefore the method has little effect on a fault of
-    several axes. If only one row is measured, there are no pairs, and eta is set to 1. With very wide kernels, the
-    method is equivalent to `none`.
+    large, so R increases by a factor of at most 1/(1 - eta), and the method has little effect on a fault of several
+    axes. If only one row is measured, there are no pairs, and eta is set to 1. With very wide kernels, the method is
+    equivalent to `none`.
 
     Source: centred error entropy in B. Yang, H. Huang, L. Cao, "Centered error entropy-based sigma-point Kalman filter
     for spacecraft state estimation with non-Gaussian noise", Space: Science & Technology 2022, 9854601,
     doi:10.34133/2022/9854601; error entropy in B. Chen, L. Dang, Y. Gu, N. Zheng, J. C. Principe, "Minimum error
     entropy Kalman filter", arXiv:1904.06617. Simplifications: only errors of the measurement are weighted (the prior
     covariance does not change); the matrix of the pair term is replaced by its normalised row sums on the diagonal,
-    without couplings between rows; the number of passes is fixed; and they start from the Kalman update with the
+    without couplings between rows; the number of passes is fixed; and the first pass is the Kalman update with the
     reported R.
 
     Attributes:
@@ -201,7 +201,7 @@ class CentredErrorEntropyR(Limited):
 
 
 def _fill_pairs(e: FloatArray, bandwidth: float, pairs: FloatArray) -> None:
-    """Compute the mean kernel of each row over all pairs with another row, or zero if there is only one row."""
+    """Compute the mean kernel of the differences between a row and all other rows, or zero if there is only one row."""
     m = len(e)
     for i in range(m):
         pairs[i] = 0.0

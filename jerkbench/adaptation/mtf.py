@@ -27,13 +27,13 @@ class Mtf(Windowed):
     With mu = 1, the adapted R satisfies y_i^2 <= S_ii if the test triggers. The test y'y >= sum h + sum r uses only the
     current update, and adds squares of metres to squares of metres per second. Without a fault, the test triggers at
     about a third of the updates. The method works well on faults of single axes of a sensor. The method is harmful if
-    the process model is wrong, for example due to a bias or wheel slip. In this case, the filter down-weights the
-    measurements that would correct the state, and may diverge. The parameter ``guard`` limits this effect. An update is
-    a hit of a row if the test triggers and w_i > h_i + r_i. Only the first N consecutive hits inflate the variance of
-    the row, and an update of the row without a hit resets the counter of hits.
+    the process model is wrong, for example due to a bias or wheel slip: the filter down-weights the measurements that
+    would correct the state, and may diverge. The parameter ``guard`` limits the number of consecutive updates with an
+    inflated variance. An update is a hit of a row if the test triggers and w_i > h_i + r_i. Only the first N
+    consecutive hits inflate the variance of the row, and an update of the row without a hit resets the counter of hits.
 
-    A longer window avoids most of the harm and retains most of the benefit. The following table lists the position RMSE
-    [m] of the filter `jerk` on `field_white` (geometric mean of 5 seeds)::
+    A longer window avoids most of the harm under a wrong process model, and retains most of the benefit under faults.
+    The following table lists the position RMSE [m] of the filter `jerk` on `field_white` (geometric mean of 5 seeds)::
 
         mu                         1       4      10      25
         no fault              0.0181  0.0172  0.0169  0.0168
@@ -91,9 +91,9 @@ class Mtf(Windowed):
 class MtfBlock(Windowed):
     """Multiple tuning factors with one test for position and one for velocity.
 
-    Unlike the test of `mtf`, these tests do not add squares of metres to squares of metres per second. In the following
-    equation, B is the block of position or velocity, y is the innovation, h_i = (H P- H')_ii, r_i = R_ii, and w_i is
-    the mean of the last mu values of y_i^2::
+    Unlike the test of `mtf`, the two tests do not add squares of metres to squares of metres per second. In the
+    following equation, B is the block of position or velocity, y is the innovation, h_i = (H P- H')_ii, r_i = R_ii, and
+    w_i is the mean of the last mu values of y_i^2::
 
         if sum_B y_i^2 >= sum_B (h_i + r_i):    r_i = r_i + max(0, w_i - h_i - r_i),  i in B
 

@@ -29,8 +29,9 @@ class Oracle(UnchangedR):
 
     The engine replaces R by the true covariance before it calls the adaptation. The true covariance is known only in a
     simulation, or for a simulated disturbance of a recording. The true variance of an axis includes the square of a
-    constant offset. No adaptation of R is expected to be more accurate, so the difference between `none` and `oracle`
-    shows the possible improvement. If the true covariance is not known, the result is the same as with `none`.
+    constant offset. No adaptation of R is expected to be more accurate than `oracle`, so the difference between `none`
+    and `oracle` is the possible improvement. If the true covariance is not known, the result is the same as with
+    `none`.
     """
 
     provenance = Provenance("own", "", "A reference that uses the true R; not a method.")

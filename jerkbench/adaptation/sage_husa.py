@@ -16,7 +16,7 @@ from jerkbench.plugins import register
 GROWING = Range(10.0, 1e6, log=True, source="ours: from 3 to 1000 times the reported sigma")
 
 COUNT, FADED, Q_FACTORS = 6, 12, 20
-"""Start indices in the memory: k of each row, b^k of each row, factors g. Elements 18 and 19 are k and b^k of Q."""
+"""Start indices in the memory: k of the rows, b^k of the rows, factors g of Q. Elements 18 and 19: k and b^k of Q."""
 
 
 @register("adaptation", "sage_husa")
@@ -84,10 +84,11 @@ class SageHusaBoth(Limited):
         K, P+ of the Kalman update with P~ and R
         g_s = clip((1 - d) g_s + d ((K y)_s^2 + (P+ - F P+ F')_ss) / Q_ss, lo, hi)    for the next update
 
-    At the start (k = 0), g = 1 and rh = r. If a row is not measured, the estimate rh of this row does not change. The
-    estimates of R and Q use the same innovation, and the ratio of H P~ H' to R determines whether R or Q increases. The
-    method cannot reliably distinguish slow errors of the process from slow errors of the measurement. With lo = hi = 1,
-    the method is equivalent to `none`, except that R is diagonal. The adaptation `sage_husa` estimates only R.
+    At the start (k = 0), the factors g are 1, and the estimates rh are equal to the reported variances r. If a row is
+    not measured, the estimate rh of this row does not change. The estimates of R and Q use the same innovation, and the
+    ratio of H P~ H' to R determines whether R or Q increases. The method cannot reliably distinguish slow errors of the
+    process from slow errors of the measurement. With lo = hi = 1, the method is equivalent to `none`, except that R is
+    diagonal. The adaptation `sage_husa` estimates only R.
 
     Source: A. P. Sage and G. W. Husa, "Adaptive filtering with unknown prior statistics", Joint Automatic Control
     Conference 1969, 760-769 (no DOI). The source also estimates the means, and a full Q, which often becomes
@@ -96,7 +97,8 @@ class SageHusaBoth(Limited):
 
     Attributes:
         forgetting: b, forgetting factor of the estimates of R and Q, between 0 and 1 [-].
-        low: lo, lower bound of the estimates, as a multiple of the reported variance and of the Q of the model [-].
+        low: lo, lower bound of the estimates, as a multiple of the reported variance (for R) and of the Q of the model
+            (for Q) [-].
         high: hi for R, upper bound of the estimated variance as a multiple of the reported variance [-].
         high_process: hi for Q, upper bound of the estimated Q as a multiple of the Q of the model [-].
     """

@@ -22,7 +22,7 @@ class ScalarR:
         if y'y >= sum h + sum r:    R = R (y'y - sum h) / sum r
 
     If the test triggers, the adapted R satisfies tr S = y'y, with S = H P- H' + R. One faulty axis reduces the weight
-    of all other axes. The multiple tuning factors of `mtf` avoid this effect.
+    of all other axes. The adaptation `mtf` has a separate factor for each axis.
 
     Source: single-factor innovation adaptation (A. H. Mohamed and K. P. Schwarz, 1999, doi:10.1007/s001900050236,
     reduced to one scalar), the scalar scheme with which the paper of `jerk` compares its method.
@@ -54,8 +54,8 @@ class ScalarQ(UnchangedR, Limited):
     If the test triggers and the factor is below the limit, the scaled P- satisfies tr S = y'y, with S = H P- H' + R and
     the reported R. The method attributes a large innovation to the process, whereas `scalar_r` attributes a large
     innovation to the sensor. The method works well after a slip or an unmodelled manoeuvre. The method is harmful with
-    outliers, because it gives outliers a gain near 1. The factor needs a limit, because it also inflates the covariance
-    of states on which the innovation does not depend.
+    outliers, because the gain of an outlier is near 1. The factor has a limit, because the factor also inflates the
+    covariance of states on which the innovation does not depend.
 
     Source: fading memory with a suboptimal factor, as in D. H. Zhou, P. M. Frank, "Strong tracking filtering of
     nonlinear time-varying stochastic systems with coloured noise: application to parameter estimation and empirical

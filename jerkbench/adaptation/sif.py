@@ -27,8 +27,8 @@ class SlidingInnovation(UnchangedR, Limited):
     intended for errors of the process model. The method is not robust to outliers, because the gain of an outlier is 1.
 
     Source: S. A. Gadsden, M. Al-Shabi, "The sliding innovation filter", IEEE Access 8, 96129-96138, 2020,
-    doi:10.1109/ACCESS.2020.2995345. In the source delta has the unit of each measurement and is tuned by trial. Here it
-    is a multiple of the reported standard deviation, so one value can be used for different receivers.
+    doi:10.1109/ACCESS.2020.2995345. In the source delta has the unit of each measurement and is tuned by trial. Here
+    delta is a multiple of the reported standard deviation, so one value of k can be used for different receivers.
 
     Attributes:
         width: k, width of the sliding layer in standard deviations of the measurement [-].

@@ -33,12 +33,12 @@ class StatisticalSimilarity(Limited):
                   its square root               sqrt
                   exp((d - g) / (2 sigma^2))    exp
 
-    In the first pass, both weights are 1. The iteration ends if x changes by less than 1e-6 |x|, or after 50 passes. If
-    the covariance is correct, the mean of g is d. A weight may be larger than 1. All measured rows have the same
-    factor, so one faulty axis reduces the weight of the other axes. If P- is larger than R, an outlier changes the
-    state and reduces the weight of the prior. P- is larger than R after an outage or with a large Q. The option
-    ``sides=measurement`` avoids this effect by xi = 1. The adaptation `ssmkf_r` changes only R, with the square root
-    function and a fixed number of passes.
+    In the first pass, the weights xi and lambda are 1. The iteration ends if x changes by less than 1e-6 |x|, or after
+    50 passes. If the covariances are correct, the mean of g_x is n and the mean of g_z is m. A weight may be larger
+    than 1, which reduces the covariance. All measured rows have the same factor, so one faulty axis reduces the weight
+    of the other axes. If P- is larger than R, an outlier changes the state and reduces the weight of the prior. P- is
+    larger than R after an outage or with a large Q. The option ``sides=measurement`` sets xi = 1, so the prior is not
+    scaled. The adaptation `ssmkf_r` changes only R, with the square root function and a fixed number of passes.
 
     Source: Y. Huang, Y. Zhang, Y. Zhao, P. Shi, J. A. Chambers, "A novel outlier-robust Kalman filtering framework
     based on statistical similarity measure", IEEE Trans. Automatic Control 66(6), 2677-2692, 2021,
@@ -133,8 +133,8 @@ class StatisticalSimilarityR(Limited):
         lambda = sqrt((nu + m) / (nu + tr(B R^-1)))
 
     The adapted covariance is R / lambda. The trace tr(B R^-1) is computed as (y' S^-1 res + tr(S^-1 HPH')) / lambda,
-    which avoids a difference of large numbers. If R is correct, the mean of tr(B R^-1) is m. If tr(B R^-1) is smaller
-    than m, lambda exceeds 1 and R decreases. For large residuals the weight is proportional to the inverse of the
+    because this form has no difference of large numbers. If R is correct, the mean of tr(B R^-1) is m. If tr(B R^-1) is
+    smaller than m, lambda exceeds 1 and R decreases. For large residuals, lambda is proportional to the inverse of the
     residual, as with Huber weights. The weight depends on the residual after the update, so a large innovation that is
     due to a large prior covariance is not treated as an outlier. All measured rows have the same factor.
 
@@ -161,7 +161,7 @@ class StatisticalSimilarityR(Limited):
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R, multiplied by the factor 1 / lambda of the last pass."""
-        m, weight = len(rows), 1.0  # lambda
+        m, weight = len(rows), 1.0  # the weight is lambda of the equations
         w, y = np.empty(m, R.dtype), innovation.copy().reshape((m, 1))
         d = diagonalise(HPHt.copy(), R.copy(), y)
         for _ in range(self.passes):

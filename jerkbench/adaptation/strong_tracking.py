@@ -30,8 +30,8 @@ class StrongTracking(UnchangedR, Limited):
         P- = Lambda^1/2 M Lambda^1/2 + Q,   Lambda = diag(lambda)
 
     The weights alpha specify which states are likely to change abruptly. The method works well on errors of the process
-    model, such as a slip or an unmodelled manoeuvre. The method cannot distinguish such errors from outliers of a
-    sensor, and gives outliers a gain near 1.
+    model, such as a slip or an unmodelled manoeuvre. The method cannot distinguish errors of the process model from
+    outliers of a sensor, and gives outliers a gain near 1.
 
     Source: D. H. Zhou, P. M. Frank, "Strong tracking filtering of nonlinear time-varying stochastic systems with
     coloured noise: application to parameter estimation and empirical robustness analysis", International Journal of

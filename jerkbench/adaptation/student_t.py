@@ -23,7 +23,7 @@ from jerkbench.plugins import register
 @register("adaptation", "student_t")
 @dataclass(frozen=True)
 class StudentT(Limited):
-    """Models prior and measurement as Student's t, with an unknown scale of the prior, by variational Bayes.
+    """Models prior and measurement by Student's t distributions, and estimates their scales by variational Bayes.
 
     The initial values of the iteration are E = P-, x = x- and P = P-. In the following equations of a pass, x and P are
     the results of the previous pass, for n states and m measured rows::
@@ -34,12 +34,11 @@ class StudentT(Limited):
         P~ = E / xi,  R~ = R / lambda,  then the Kalman update for x and P
 
     All measured rows have the same weight, so one faulty axis reduces the weight of the other axes. The option
-    ``sides=measurement`` sets xi = 1 and E = P-. The adaptation `student_t_r` changes only R, in one pass from the
-    innovation.
+    ``sides=measurement`` sets xi = 1 and E = P-. The adaptation `student_t_r` changes only R, in one pass.
 
     Source: Y. Huang, Y. Zhang, N. Li, Z. Wu, J. A. Chambers, "A novel robust Student's t-based Kalman filter", IEEE
     Trans. Aerospace and Electronic Systems 53(3), 1545-1554, 2017, doi:10.1109/TAES.2017.2651684. The defaults nu =
-    tau = 5 and N = 10 are from the source. The parameter ``sides`` is an addition.
+    tau = 5 and N = 10 are from the source. The parameter ``sides`` is an addition to the published method.
 
     Attributes:
         nu: degrees of freedom of both distributions. Smaller values give heavier tails [-].
@@ -117,8 +116,8 @@ class StudentTR(Limited):
 
     Source: the expected scale of a multivariate t noise, as in G. Agamennoni, J. I. Nieto, E. M. Nebot, "An
     outlier-robust Kalman filter", IEEE International Conference on Robotics and Automation, 2011,
-    doi:10.1109/ICRA.2011.5979605. Simplifications: one pass with the reported R, with the innovation instead of the
-    expected residual; R is scaled and not estimated.
+    doi:10.1109/ICRA.2011.5979605. Simplifications: the method makes one pass with the reported R, uses the innovation
+    instead of the expected residual, and scales R instead of estimating R.
 
     Attributes:
         nu: degrees of freedom of the distribution. Smaller values give heavier tails [-].

@@ -96,7 +96,7 @@ class VariationalBayes(Limited):
 
 
 SETS, SLOT = 64, 37
-"""Number of possible sets of rows, and number of stored values for each set: u (1 value) and U (36 values)."""
+"""Number of possible sets of measured rows, and number of stored values for each set: u (1 value) and U (36 values)."""
 
 EVIDENCE = Range(1.0, 100.0, log=True, source="ours: from the weight of 1 update to 100")
 
@@ -125,7 +125,8 @@ class VariationalPriorAndNoise(Limited):
     Source: Y. Huang, Y. Zhang, Z. Wu, N. Li, J. A. Chambers, "A novel adaptive Kalman filter with inaccurate process
     and measurement noise covariance matrices", IEEE Trans. Automatic Control 63(2), 594-601, 2018,
     doi:10.1109/TAC.2017.2730480. The defaults tau = 3, rho = 1 - exp(-4) and N = 10 are from the source. Additions
-    are tau_R, and the separate estimate for each set of rows, because position and velocity may have different times.
+    are tau_R, and the separate estimate for each set of rows, because position and velocity may be measured at
+    different times.
 
     Attributes:
         tau: weight of P- in the estimate of the prior covariance [updates].
@@ -168,7 +169,7 @@ class VariationalPriorAndNoise(Limited):
         """Return the estimated prior covariance P~, and store u and U in the memory."""
         m, slot, update = len(rows), SLOT * _index_of(rows), measured_update(P, R.copy(), rows)
         stored_u, stored_U = memory[slot], memory[slot + 1 : slot + 1 + m * m].reshape((m, m))
-        u = self.forgetting * select(stored_u, 0.0, stored_u - m - 1.0, self.start)  # u - m - 1 of the equations
+        u = self.forgetting * select(stored_u, 0.0, stored_u - m - 1.0, self.start)  # u - m - 1 in the equations
         N, U = update.W.copy(), np.empty((m, m), R.dtype)
         for i in range(m):
             for j in range(m):

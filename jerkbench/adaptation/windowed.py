@@ -25,8 +25,8 @@ class InnovationBased(Windowed):
 
     Before a row has had N updates, the method uses the reported R for this row, including the off-diagonal elements.
     The method works well on noise that changes slowly compared with the window. The relative standard deviation of a
-    variance estimated from N values is sqrt(2/N), which is 45 % for N = 10. A short window therefore gives a noisy R.
-    The method cannot distinguish errors of the process model from errors of the sensor.
+    variance estimated from N values is sqrt(2/N), which is 45 % for N = 10, so a short window gives a noisy R. The
+    method cannot distinguish errors of the process model from errors of the sensor.
 
     Source: A. H. Mohamed and K. P. Schwarz, "Adaptive Kalman filtering for INS/GPS", Journal of Geodesy 73, 193-203,
     1999, doi:10.1007/s001900050236. Simplifications: only the diagonal of R is estimated, and the current h is
@@ -77,10 +77,10 @@ class AdaptiveQ(UnchangedR, Windowed):
         alpha = sum (w_i - r_i) / sum h_i
         P- = P- min(max(sqrt(max(alpha, 0)), lo), hi)          factor 1 until each present row has had N updates
 
-    An adaptation cannot change Q, so the factor f multiplies P- instead. The multiplication is equivalent to adding (f
-    - 1) P- to Q at this update. The default is lo = 1, because a factor f < 1 could require a negative Q. The square
-    root damps the adaptation, because P- of the next update includes the factor. The method works well if Q is too
-    small. If a sensor has a fault, the larger P- gives the faulty measurements more weight for N updates.
+    The method `fade` returns a factor f on P- and cannot change Q. The multiplication of P- by f is equivalent to
+    adding (f - 1) P- to Q at this update. The default is lo = 1, because a factor f < 1 could require a negative Q. The
+    square root damps the adaptation, because P- of the next update includes the factor. The method works well if Q is
+    too small. If a sensor has a fault, the larger P- gives the faulty measurements more weight for N updates.
 
     Source: W. Ding, J. Wang, C. Rizos, D. Kinlyside, "Improving adaptive Kalman estimation in GPS/INS integration",
     Journal of Navigation 60(3), 517-529, 2007, doi:10.1017/S0373463307004316. The source applies the factor sqrt(alpha)

@@ -22,7 +22,7 @@ from jerkbench.recording import GRAVITY_MPS2, Imu, Recording
 ALIGNMENTS = ("rest", "gravity", "track")
 
 ALIGNMENT_S = 1.0
-"""Minimum time at rest for the alignment at rest, and duration of the data that it uses [s]."""
+"""Minimum time at rest for the alignment at rest, and duration of the data that this alignment uses [s]."""
 
 TRACK_S = 10.0
 """Duration of the data that the alignment ``track`` uses [s]."""
@@ -48,9 +48,9 @@ class TiltStart(NamedTuple):
 def tilt_start(recording: Recording, variance: float | None = None, alignment: str = "rest") -> TiltStart:
     """Return the initial tilt and its variance, which an attitude filter uses before the first sample.
 
-    With ``gravity``, x is the normalised mean specific force of the first second. The variance is 1e-3 at rest and 0.03
-    in motion. With ``rest``, the result is the same if the vehicle is at rest. In motion, ``rest`` gives x = (0, 0, 1)
-    and a variance of 0.03. With ``track``, `tracked_vertical` computes x, and the variance is 1e-3.
+    With ``gravity``, x is the normalised mean specific force of the first second. The variance of x is 1e-3 at rest and
+    0.03 in motion. If the vehicle is at rest, ``rest`` gives the same result as ``gravity``. In motion, ``rest`` gives
+    x = (0, 0, 1) and a variance of 0.03. With ``track``, `tracked_vertical` computes x, and the variance is 1e-3.
 
     Args:
         recording: recording with an IMU, and with velocities or fixes for ``track``.
@@ -206,7 +206,7 @@ def _compiled(loop: Callable[..., None], title: str) -> Callable[..., None]:
 
 
 Verticals = tuple[FloatArray, BoolArray | None]
-"""x = Omega^T e3 (n, 3) after each sample, and (n,) true if an external acceleration was detected, or None."""
+"""The vertical x = Omega^T e3 (n, 3) after each sample, and a mask (n,) of detected external accelerations or None."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -248,7 +248,7 @@ class TiltAndYaw(Limited, ABC):
     def verticals(self, recording: Recording) -> Verticals:
         """Return the vertical x = Omega^T e3 (n, 3) after each sample, and a mask (n,) of external accelerations.
 
-        The mask of detected external accelerations is None if the filter does not detect them.
+        The mask is None if the filter does not detect external accelerations.
         """
 
     def require(self, load: Callable[[], Recording]) -> None:
@@ -263,7 +263,7 @@ class TiltAndYaw(Limited, ABC):
             tilt_start(load(), None, "track")
 
     def remarks(self, recording: Recording) -> tuple[str, ...]:
-        """Return notes for the result table: the initial tilt is only assumed, or the yaw is not measured."""
+        """Return notes for the result table if the initial tilt is only assumed, or if the yaw is not measured."""
         yaw = yaw_remarks(recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
         return (*start_remarks(recording, self.alignment), *yaw)
 

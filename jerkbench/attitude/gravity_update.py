@@ -1,7 +1,7 @@
 """Adaptive accelerometer update and rotation matrices of the Kalman filters `tilt` and `mekf`.
 
-The loops of these filters call the functions, and numba compiles the loops. In both filters, the accelerometer depends
-only on the first three states, so its measurement matrix H is (3, 3).
+The loops of the filters, which numba compiles, call the functions of this module. In both filters, the accelerometer
+depends only on the first three states, so the measurement matrix H of the accelerometer is (3, 3).
 """
 
 import math

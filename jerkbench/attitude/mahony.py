@@ -20,7 +20,7 @@ INTEGRAL_PER_S2_ORIGIN = DefaultOrigin("literature: 0.3 in the paper")
 @register("attitude", "mahony")
 @dataclass(frozen=True)
 class Mahony(TiltAndYaw):
-    """Mahony's explicit complementary filter: a proportional and an integral correction by the error of gravity.
+    """Mahony's explicit complementary filter, with proportional and integral feedback of the gravity error.
 
     Each sample updates the quaternion q from the body frame to ENU and the gyro bias b, with x = Omega^T e3::
 
@@ -29,8 +29,8 @@ class Mahony(TiltAndYaw):
     The time constant of the tilt is 1/k_P. With k_I = 0, the gyro bias is not estimated. The yaw is computed in the
     same way as in the plugin `tilt`.
 
-    The results agree with the package ``ahrs`` to 1e-9, and the computation is about 100 times as fast. The package
-    ``ahrs`` skips samples with an angular rate of exactly zero.
+    The results agree with the package ``ahrs`` to 1e-9, but the computation is about 100 times faster than in ``ahrs``.
+    The package ``ahrs`` skips samples with an angular rate of exactly zero.
 
     Source: R. Mahony, T. Hamel, J.-M. Pflimlin, "Nonlinear complementary filters on the special orthogonal group", IEEE
     Transactions on Automatic Control 53(5), 2008, doi:10.1109/TAC.2008.923738.
@@ -113,8 +113,8 @@ class Madgwick(TiltAndYaw):
     gyro bias. A gyro bias of more than about 2 beta causes an unbounded tilt error. The yaw is computed in the same way
     as in the plugin `tilt`.
 
-    The results agree with the package ``ahrs`` to 1e-9, and the computation is about 100 times as fast. The package
-    ``ahrs`` skips samples with an angular rate of exactly zero.
+    The results agree with the package ``ahrs`` to 1e-9, but the computation is about 100 times faster than in ``ahrs``.
+    The package ``ahrs`` skips samples with an angular rate of exactly zero.
 
     Source: S. O. H. Madgwick, A. J. L. Harrison, R. Vaidyanathan, "Estimation of IMU and MARG orientation using a
     gradient descent algorithm", IEEE International Conference on Rehabilitation Robotics, 2011,

@@ -24,9 +24,9 @@ class ReferenceAttitude:
     is not interpolated. By default, the simulated data sets have a reference row for every IMU sample. The acceleration
     in ENU is computed in the same way as in the plugin `tilt`.
 
-    This plugin is a bound and not an estimation method. The difference between the results with `reference` and with
-    `tilt` shows the possible benefit of a better attitude. If the reference has a lower rate than the IMU, the time
-    error of the attitude is up to half an interval of the reference.
+    This plugin gives a bound on the accuracy and is not an estimation method. The difference between the results with
+    `reference` and with `tilt` shows the possible benefit of a better attitude. If the reference has a lower rate than
+    the IMU, the time error of the attitude is up to half an interval of the reference.
 
     Attributes:
         compensation: attitude that rotates the specific force: at the midpoint or at the endpoint of each sample.

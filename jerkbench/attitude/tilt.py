@@ -52,15 +52,15 @@ class Tilt(TiltAndYaw):
         yaw += dt (w_y sin(roll) + w_z cos(roll))/cos(pitch);  P += dt walk^2;  P0 = variance of the first heading
         course: atan2(v_n, v_e), sigma = max(sigma_v/speed, minimum), sigma_v across the course
 
-    The yaw at sample k depends only on headings up to the time of sample k. Before the first heading, the gyro gives
-    the rotation from the current sample to the first heading, which is subtracted from the first heading. If the
-    recording has neither headings nor velocities in ENU, the track of the fixes determines the yaw and the gyro bias::
+    The yaw at sample k depends only on headings up to the time of sample k. Before the first heading, the yaw is the
+    first heading minus the yaw rate integrated from the sample to the first heading. If the recording has neither
+    headings nor velocities in ENU, the track of the fixes determines the yaw and the gyro bias::
 
         chord: vector between two fixes, as short as its sigma allows (0.05 rad); chords do not overlap
         offset of yaw from psi, the integrated gyro = arg(chord) - arg(int e^{i psi} dt) half a chord before its end
         two states, offset and its rate;  F = [[1, dt], [0, 1]],  H = [1, -half the duration of the chord]
 
-    Without a usable chord, and with ``yaw_source`` gyro_only, the yaw starts at 0 (east). The yaw rate is singular at a
+    Without a usable chord, or with ``yaw_source`` gyro_only, the yaw starts at 0 (east). The yaw rate is singular at a
     pitch of 90 degrees. The yaw from courses and tracks is correct only if the vehicle drives forwards.
 
     The input of the navigation filter is u_k = mean(Omega_{k-1}, Omega_k) y_A + (0, 0, -g) with the compensation
@@ -80,7 +80,8 @@ class Tilt(TiltAndYaw):
         window: mu, number of samples that mtf averages, including the current sample [samples].
         normalise: if true, x is normalised to length 1 after each update.
         propagation: transition matrix Phi: first_order, or exact for fast rotations.
-        initial_tilt_variance: diagonal of the initial P; if null, 1e-3 or 0.03 as described above [-].
+        initial_tilt_variance: diagonal of the initial P; if null, 1e-3 at rest or with the alignment ``track``, and
+            0.03 otherwise [-].
     """
 
     name: ClassVar[str] = "tilt"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import vqf
 
 SILENCE_S = 0.1
-"""A longer interval between samples is a gap, which is bridged by several steps of the gyro [s]."""
+"""Maximum interval between two samples [s]. A longer interval is a gap, which is bridged by several gyro updates."""
 
 OF_PACKAGE = DefaultOrigin("literature: the default of the package")
 
@@ -39,14 +39,14 @@ class Vqf(TiltAndYaw):
 
     A separate Kalman filter estimates the gyro bias b. At rest, the Kalman filter uses the low-passed angular rate. In
     motion, the Kalman filter can also use the difference between the inclinations before and after the correction. The
-    package vqf performs these computations (full version, without a magnetometer). The yaw is computed in the same way
-    as in the plugin `tilt`.
+    package vqf performs all computations of the tilt (full version, without a magnetometer). The yaw is computed in the
+    same way as in the plugin `tilt`.
 
     The package expects a constant sampling rate, so every sample is processed with the nominal interval. A gap of more
     than 0.1 s is first filled with gyro updates without the accelerometer. With ``alignment`` gravity, the package
-    computes the initial tilt from the mean specific force of the first tau_acc seconds. With the other alignments, the
-    package first processes artificial samples at rest in the initial attitude for 2 tau_acc, with the bias estimation
-    disabled.
+    computes the initial tilt from the mean specific force of the first tau_acc seconds. With the alignments rest and
+    track, the package first processes artificial samples at rest in the initial attitude for 2 tau_acc, with the bias
+    estimation disabled.
 
     The authors of VQF tuned the default parameters on BROAD and five other data sets of hand-held IMUs.
 

@@ -16,9 +16,10 @@ FINE_RAD = 0.05
 """Maximum standard deviation of the course of a chord [rad]. A chord is as short as this limit allows."""
 
 COARSE_RAD = 0.15
-"""Maximum standard deviation of the best chord, which is used if no finer chord exists for `MAX_CHORD_S` [rad].
+"""Maximum standard deviation of a chord that is used if no chord below `FINE_RAD` exists for `MAX_CHORD_S` [rad].
 
-Fixes of a vehicle at rest rarely form such a chord, because their distance has a Rayleigh distribution.
+Fixes of a vehicle at rest rarely form a chord below this limit, because the distance between two fixes has a Rayleigh
+distribution.
 """
 
 MAX_CHORD_S = 30.0
@@ -53,11 +54,11 @@ def chords_of(position: Position | None, begin_s: float, end_s: float, least_m: 
         sigma = sqrt(n' (R_i + R_j) n)/|d|
 
     A chord does not start before the end of the previous chord. A chord ends at the first fix for which an earlier fix
-    with a sigma of at most `FINE_RAD` exists, and starts at the latest of these earlier fixes. If no such chord exists
-    for `MAX_CHORD_S`, the chord with the smallest sigma is used, provided that this sigma is at most `COARSE_RAD`.
-    Consecutive chords may have a fix in common, so the correlation of their errors is between -1/2 and 0. The yaw
-    filter treats the errors as independent, which is conservative, because the error of the common fix cancels in the
-    sum of the two chords.
+    with a sigma of at most `FINE_RAD` exists, and starts at the latest of these earlier fixes. If no chord with a sigma
+    of at most `FINE_RAD` exists for `MAX_CHORD_S`, the chord with the smallest sigma is used, if this sigma is at most
+    `COARSE_RAD`. Consecutive chords may have a fix in common, so the correlation of their errors is between -1/2 and 0.
+    The yaw filter treats the errors as independent, which is conservative, because the error of the common fix cancels
+    in the sum of two consecutive chords.
 
     Args:
         position: fixes of the recording; None if the recording has no fixes.
@@ -117,7 +118,7 @@ UNSTEADY_MPS2 = 1.0
 """Standard deviation of the unknown acceleration along a chord [m/s2]."""
 
 CONTRADICTION_SIGMAS = 5.0
-"""Maximum innovation of a course, in standard deviations. A course with a larger innovation is not used at first."""
+"""Maximum innovation of a course, in standard deviations. A course with a larger innovation is an outlier."""
 
 
 class Track(NamedTuple):
@@ -137,7 +138,7 @@ class Courses(NamedTuple):
 
     Attributes:
         t_s: (m,) time of each measurement, which is the end of the chord [s].
-        lag_s: (m,) time from the middle of the chord, to which the measured offset refers, to its end [s].
+        lag_s: (m,) time from the middle of the chord, to which the measured offset refers, to the end of the chord [s].
         offset_rad: (m,) measured offset between the yaw and psi [rad].
         sigma_rad: (m,) standard deviation of the measured offset [rad].
     """
@@ -167,10 +168,10 @@ def courses_of(chords: Chords, nodes_s: FloatArray, psi_rad: FloatArray, sigma_m
 
     If a vehicle drives forwards at a constant speed v, a chord is d = v e^{i offset} G, where G is the integral of e^{i
     psi} over the chord. Therefore, the offset is arg d - arg G for any turns within the chord. A constant acceleration
-    a adds a M to v G, where M is the integral of (t - middle) e^{i psi}. This term changes the direction of the chord
-    by a Im(M conj G)/(v |G|^2), with v = |d|/|G|. The standard deviation of the acceleration a is assumed to be 1 m/s2,
-    or v divided by the duration of the chord if this quotient is smaller. The variance of the offset includes the
-    effect of a::
+    a adds the term a M to v G, where M is the integral of (t - middle) e^{i psi}. The term a M changes the direction of
+    the chord by a Im(M conj G)/(v |G|^2), with v = |d|/|G|. The standard deviation of the acceleration a is assumed to
+    be 1 m/s2, or v divided by the duration of the chord if this quotient is smaller. The variance of the offset
+    includes the effect of a::
 
         sigma^2 = max(sigma of the chord, sigma_min)^2 + (a Im(M conj G)/(|d| |G|))^2
 
@@ -362,8 +363,8 @@ def select_headings(
 
     The source ``auto`` selects the first available source: measured headings, the course of an ENU velocity that
     exceeds the minimum speed at least once, or the track of the fixes if it has at least one chord. If no source is
-    available, ``auto`` returns None. The source ``auto`` ignores a velocity in the body frame, because such a velocity
-    has no course over ground.
+    available, ``auto`` returns None. The source ``auto`` ignores a velocity in the body frame, because a velocity in
+    the body frame has no course over ground.
 
     Raises:
         RecordingError: the recording does not have the requested source.

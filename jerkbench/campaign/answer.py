@@ -39,16 +39,16 @@ from jerkbench.files import write_text
 from jerkbench.parameters import provenance_of
 
 AUDIT_FOLDER = "audit-"
-"""Prefix of the name of the folder of an audit. The name of the protocol follows."""
+"""Prefix of the name of the folder of an audit. The name of the protocol follows the prefix."""
 SECOND = "second.md"
 """File with the comparison of this audit with an audit that used other drives and other tunings."""
 FAULT = "drawn.fault."
-"""Prefix of the columns in the table of drives that are not empty if the drive has a kind of fault."""
+"""Prefix of the columns for kinds of fault in the table of drives. A value is missing if the drive lacks the fault."""
 NO_FAULT = "no fault"
 MIN_DRIVES = 5
 """Minimum number of drives with a kind of fault for which a ratio is computed."""
 WORSE = {"worse_3": 1.03, "worse_100": 2.0}
-"""Ratios above which a method counts as worse on a single drive, by the name of the column."""
+"""Ratios to the error of the plain filter above which a method counts as worse on a drive, by column name."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class AuditAnswer:
     Attributes:
         rows: The tables of the runs, from which all other attributes are computed.
         losses: The log position errors of each method, in each tuning, on each evaluation drive.
-        said: The statistical statements about the three families of hypotheses of the audit, H1 to H3.
+        said: The statistical statements about H1 to H3, the three families of hypotheses of the audit.
         methods: Table of the methods, sorted by the ratio of their error to the error of the same filter without
             adaptation.
         kinds: Table with one row for each combination of a method and a kind of fault.
@@ -101,7 +101,7 @@ def answered(rows: AuditRows) -> AuditAnswer:
 
 
 def kinds_of(rows: AuditRows) -> dict[str, BoolArray]:
-    """Return, by name, masks (D,) of the drives with each kind of fault and of the drives without a fault."""
+    """Return masks (D,) of the drives with each kind of fault and of the drives without a fault, by name."""
     judged = rows.drives.set_index("seed").loc[list(rows.protocol.seeds_to_judge_on)]
     columns = judged.reindex(columns=[FAULT + str(kind) for kind, *_ in rows.protocol.laws["faults"]]).notna()
     drives = {str(name).removeprefix(FAULT): column.to_numpy() for name, column in columns.items()}
@@ -260,7 +260,7 @@ def judged_audit(folder: Path) -> AuditAnswer:
 
 
 def answer_summary(answer: AuditAnswer, commit: str) -> dict[str, object]:
-    """Return the results of an audit as plain data with twelve decimals, which do not depend on the processor."""
+    """Return the results of an audit as plain data, rounded to twelve decimals to be equal on all processors."""
     protocol, said = answer.rows.protocol, answer.said
     summary = {
         "protocol": protocol.digest,
@@ -296,7 +296,7 @@ def compare_audits(folder: Path, other: Path) -> str:
 
 
 def compared_text(methods: Sequence[AuditMethod], first: Statements, second: Statements) -> str:
-    """Return text that counts the verdicts of H3 that differ between two audits, and that lists reversed verdicts."""
+    """Return text with the number of verdicts that differ between two audits, and a list of the reversed verdicts."""
     families = ("own", first.same_model_plain, second.same_model_plain), ("best", first.best_plain, second.best_plain)
     changed = [
         (method.name, against, one.verdict, other.verdict)

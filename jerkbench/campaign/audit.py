@@ -37,14 +37,14 @@ from jerkbench.notices import notify
 
 METHOD_COLUMNS = ["filter", "adaptation"]
 JUDGED = -1
-"""Value of the column ``tuning`` for the judged drives, which no tuning has used."""
+"""Value of the column ``tuning`` for the evaluation drives, which no tuning has used."""
 TABLE_COLUMNS = {
     "drives": ("tuning", "seed", "level"),
     "tuned": (*METHOD_COLUMNS, "tuning", "trial", "drives", "lost", "loss"),
     "judged": (*METHOD_COLUMNS, "tuning", "tried", "trial", "seed", "status", "log_error"),
     "settings": (*METHOD_COLUMNS, "tuning", "tried", "knob", "value"),
 }
-"""Columns that each table must have. The last column contains numbers."""
+"""Columns that each table must have. The last column of each table contains floating point numbers."""
 TABLES = tuple(TABLE_COLUMNS)
 
 _STATED = "protocol.json"
@@ -114,8 +114,8 @@ def run_audit(protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: 
 def collected(protocol: AuditProtocol, runs: CampaignRuns) -> AuditRows:
     """Compute all runs of an audit that are not yet stored, and return the tables with all runs.
 
-    First, each method runs with every candidate setting on the tuning drives. Then, each method runs with its default
-    setting and with the best setting of each search on the evaluation drives, which no tuning has used.
+    First, each method runs with every candidate setting on the tuning drives. Afterwards, each method runs on the
+    evaluation drives, which no tuning has used, with its default setting and with the best setting of each search.
 
     Raises:
         JerkbenchError: The first plain filter failed on a drive, or a run cannot be computed.
@@ -135,7 +135,8 @@ def collected(protocol: AuditProtocol, runs: CampaignRuns) -> AuditRows:
     tuned = of_setting.agg(drives=("seed", "size"), lost=("lost", "sum"), loss=("loss", "mean")).reset_index()
     picked = picks(protocol, tuned)
     found = picked[["tuning", *METHOD_COLUMNS, "trial"]].itertuples(index=False, name=None)
-    wanted = {(tuning if trial else 0, AuditMethod(*names), trial) for tuning, *names, trial in found}  # default: once
+    # The default setting is the same in all tunings, so it runs only once, as tuning 0.
+    wanted = {(tuning if trial else 0, AuditMethod(*names), trial) for tuning, *names, trial in found}
     best = sorted(wanted | {(0, method, 0) for method in methods})
     judged = _run(protocol, runs, best, [protocol.judges(method) for _, method, _ in best], "Audit, judged unseen")
     levels = pd.concat([rows[["seed", "level"]].drop_duplicates("seed") for rows in (on_tuning, judged)])
@@ -249,7 +250,7 @@ def _stated(path: Path) -> dict[str, Any]:
 
 
 def write_audit_manifest(folder: Path, made: Mapping[str, object]) -> None:
-    """Write the manifest: the provenance ``made`` of the rows, hashes of other files, and a hash of the manifest."""
+    """Write the manifest, with the provenance ``made`` of the rows, hashes of the files, and a hash of the manifest."""
     write_text(folder / MANIFEST, _manifest_text({**made, "files": file_hashes(folder, _FILES)}))
 
 

@@ -53,7 +53,7 @@ class CheckedEntry:
 
     Attributes:
         mistakes: Messages about errors in the entry.
-        remarks: Messages about parts that could not be verified, or that differ without being wrong.
+        remarks: Messages about parts that could not be verified, and about differences that are not errors.
         rerun: Number of rows of the method that were computed again.
     """
 
@@ -112,7 +112,7 @@ def missing_mistakes(entry: Entry, protocol: SuiteProtocol) -> list[str]:
 
 
 def score_mistakes(entry: Entry, protocol: SuiteProtocol) -> Iterator[str]:
-    """Yield a message for each number of the stored score, and for the stored page, that contradicts the rows."""
+    """Yield a message for each number of the stored score that contradicts the rows, and a message for a wrong page."""
     stated = entry.manifest["score"]
     for key, computed in score_as_json(entry.rows, protocol).items():
         if not same(computed, stated.get(key)):
@@ -130,7 +130,7 @@ def same(value: object, other: object) -> bool:
 
 
 def _checked(entry: Entry, label: str, method: MethodSpec, protocol: SuiteProtocol, count: int) -> CheckedEntry:
-    """Verify the settings and ``count`` rows of the entry or of the plain filter, if the method can run here."""
+    """Verify the settings and ``count`` rows of the entry or the plain filter, if the method can run on this host."""
     try:
         digest, job = plugins_digest(method, protocol), protocol.job(method)
         data_fingerprint(job.scenario.dataset, job.scenario.disturbances)

@@ -45,11 +45,11 @@ ROWS_FILE, SETTINGS, PAGE, ENTRY_FILE = "rows.parquet", "settings.yaml", "entry.
 HASHED = (ROWS_FILE, SETTINGS, PAGE)
 """Files whose hashes are stored in the manifest."""
 PLAIN, ENTRY = "plain", "entry"
-"""Values of the column ``method``."""
+"""Values of the column ``method`` in the rows of an entry: the plain filter, and the method of the entry."""
 AS_GIVEN, TUNED_ON_DRIVES = "given", "drives"
-"""Values of the column ``tuned_on``: the setting with which a method was entered, and the best setting found."""
+"""Values of the column ``tuned_on``: the setting before tuning, and the best setting of the tuning."""
 NUMBERS = (POSITION_ERROR, "anees")
-"""Columns of metrics in the rows."""
+"""Names of the metric columns in the rows of an entry."""
 ROW_COLUMNS = {
     "method": "text",
     "tuned_on": "text",
@@ -59,11 +59,11 @@ ROW_COLUMNS = {
     "reason": "text",
     **dict.fromkeys((*NUMBERS, "seconds"), "numbers"),
 }
-"""Columns of the rows, with the kind of their values."""
+"""Columns of the rows of an entry, with the kind of the values in each column."""
 IMU_HZ = 100.0
 """Number of filter steps per second of the simulated drives [1/s]."""
 NOTICEABLE = 1.03
-"""Ratio to the plain filter above which an entry counts as worse on a drive."""
+"""Ratio to the error of the plain filter above which an entry counts as worse on a drive."""
 
 Settings = Mapping[str, Mapping[str, Mapping[str, float]]]
 """Values of parameters by method ("entry" or "plain"), setting ("given" or "drives") and name of the parameter."""
@@ -188,7 +188,7 @@ def levels_of(rows: pd.DataFrame) -> dict[int, float]:
 def losses_of_drives(rows: pd.DataFrame, levels: Levels) -> "pd.Series[float]":
     """Return the loss log(error/level) of each run. ``levels`` contains the error of the plain filter on each drive.
 
-    A failed run has the loss log 100, which is also the largest loss.
+    The loss is at most log 100, which is also the loss of a failed run.
     """
     error = rows[POSITION_ERROR].where(rows["status"] == "ok").to_numpy(dtype=np.float64)
     level = np.asarray(rows["seed"].map(dict(levels)), dtype=np.float64)
@@ -363,7 +363,7 @@ FACTS: Mapping[str, tuple[Test, str]] = {
     "score": (is_mapping_of(_is_of_score), "numbers and words by their names"),
     "files": (is_mapping_of(is_text), "hashes by the names of the files"),
 }
-"""Values of the manifest that are used. Each has a test and a description of the valid values."""
+"""Keys of the manifest that are read. Each key has a test of its value and a description of the valid values."""
 _SHAPE = f"it must be under 'entry' and 'plain' a number for each parameter of '{AS_GIVEN}' (and '{TUNED_ON_DRIVES}')"
 _ORIGIN = "Create the entry with `jerkbench suite run`."
 

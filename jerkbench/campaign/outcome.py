@@ -86,7 +86,7 @@ def tuning_page(tuning: Tuning) -> str:
 
 
 def tunings_table(tunings: Sequence[Tuning]) -> str:
-    """Return text with a table of the tuned methods, and with comparisons of the methods and of untuned settings."""
+    """Return a table of the tuned methods as text, with comparisons with the first method and with untuned settings."""
     lines = [
         f"{tuning.name:<32} {_shown(tuning, tuning.score.before):>10} {_shown(tuning, tuning.score.tuned):>10}"
         f" {tuning.score.failed:>4} of {tuning.score.runs}"
@@ -163,7 +163,7 @@ def budget_curve(trials: Trials) -> list[tuple[int, float]]:
 
 
 def indistinct_intervals(space: Space, outcome: SearchOutcome) -> list[tuple[float, float]]:
-    """Return the range of each parameter in which the loss is not significantly larger than at the selected value.
+    """Return the range of values of each parameter for which the loss is not significantly larger than the lowest loss.
 
     A trial is indistinguishable from the selected trial if its mean loss is larger by at most 1.96 standard errors of
     the paired difference. The losses are paired, because all trials have runs with the same seeds. The range of a
@@ -226,8 +226,8 @@ def preset_overrides(tuning: Tuning, *, typed: bool) -> list[str]:
 
     Args:
         tuning: The tuned method.
-        typed: Whether the command line of the tuning selects an experiment. A run can have only one experiment, so the
-            presets of the filter, the adaptation and the attitude filter are then selected separately.
+        typed: Whether the command line of the tuning selects an experiment. A run can have only one experiment, so in
+            this case the presets of the filter, the adaptation and the attitude filter are selected separately.
     """
     if not typed:
         return [f"experiment={_name(tuning)}"]
@@ -299,7 +299,7 @@ CORRELATION_H = 1.0
 
 
 def other_programs(tuning: Tuning) -> dict[str, str]:
-    """Return configuration files for other navigation programs, with the tuned parameters, by file name.
+    """Return the text of configuration files for other navigation programs, with the tuned parameters, by file name.
 
     Comments in the configuration files list the parameters that cannot be converted.
     """
@@ -363,7 +363,7 @@ def _imu_noise(values: Mapping[str, float], density: float | None) -> dict[str, 
 
 
 def _gate(values: Mapping[str, float]) -> float | None:
-    """Return the Mahalanobis distance above which an adaptation rejects measurements, or None if it is not a gate."""
+    """Return the Mahalanobis distance above which an adaptation drops measurements, or None if it has no threshold."""
     if (probability := values.get("adaptation.probability")) is None:
         return None
     from scipy.stats import chi2

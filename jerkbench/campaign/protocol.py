@@ -39,8 +39,8 @@ def _fields(cls: type, stated: Mapping[str, Any], where: str | Path, optional: s
 
 
 TEST_FROM = 1_000_000
-"""Offset of the seeds of the test drives. A number that depends on the digest is added, so that no one can know the
-test drives before the protocol is fixed, and tune on them."""
+"""Offset of the seeds of the test drives. A number that depends on the digest is added. The test drives are therefore
+unknown until the protocol is fixed, so no one can tune on them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +52,7 @@ class SuiteProtocol:
         dataset: Configuration of the data set that simulates a random drive for each seed.
         plain: Names of the filter and the adaptation with which every entry is compared (the plain filter).
         metrics: Names of the metrics of each run. The tuning minimises the first metric.
-        burn_in_s: Time after the start before which errors are not counted [s].
+        burn_in_s: Time at the start of a drive in which errors are not counted [s].
         divergence_limit_m: Position error above which a run counts as diverged [m].
         duration_s: Duration of each simulated drive [s].
         trials: Number of settings that the tuning of each method evaluates, including the setting before tuning.
@@ -79,7 +79,7 @@ class SuiteProtocol:
 
     @cached_property
     def digest(self) -> str:
-        """Hash of the protocol. Two empty fields are included, so that hashes of the first suites remain valid."""
+        """Hash of the protocol. Two empty keys are hashed too, so that the hashes of the first suites remain valid."""
         return digest_of({**dataclasses.asdict(self), "fields": {}, "families": []})
 
     @property
@@ -133,11 +133,11 @@ def read_suite(scale: str) -> SuiteProtocol:
 
 
 FROZEN_DRIVES = 40
-"""Number of recordings whose digest is frozen. All kinds of fault occur in them."""
+"""Number of recordings whose digest is frozen. All kinds of fault occur in these recordings."""
 PARTS = 16
 """Number of parts into which an array is divided. The mean and the mean square of each part are hashed."""
 ROUNDED_TO = 1e-4
-"""Resolution of the hashed means, in SI units. It is coarse, so that rounding errors do not change the digest."""
+"""Resolution of the hashed means in SI units, which is coarse so that rounding errors do not change the digest."""
 HASHED_ARRAYS = {
     "imu": ("t_s", "accel_mps2", "gyro_radps"),
     "position": ("t_s", "enu_m", "covariance_m2"),
@@ -179,11 +179,11 @@ def _hashed_arrays(recording: Recording) -> Iterator[FloatArray]:
 
 
 PUBLISHED = ("published", "simplified")
-"""Kinds of provenance of the adaptations that hypothesis H1 averages and H2 selects from."""
+"""Kinds of provenance of the adaptations over which hypothesis H1 averages, and from which hypothesis H2 selects."""
 MAX_DRIVES = 10_000
-"""Number of seeds that are reserved for an audit, and so the maximum number of its drives."""
+"""Number of seeds that are reserved for an audit, which is the maximum number of drives of the audit."""
 MIN_JUDGED = 64
-"""Minimum number of judged drives. With fewer drives, most kinds of fault occur too rarely for an interval."""
+"""Minimum number of evaluation drives. With fewer drives, most kinds of fault occur too rarely for an interval."""
 MIN_TUNINGS = 3
 """Minimum number of independent tunings. The intervals need an estimate of the third moment."""
 

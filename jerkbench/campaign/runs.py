@@ -24,13 +24,13 @@ from jerkbench.jobs.store import Store
 from jerkbench.parameters import ranges_of
 
 POSITION_ERROR = "position_rmse_m"
-"""The column whose mean a campaign minimises."""
+"""Column with the position error, from which suites and audits compute the loss of a run."""
 METRICS = ("position_rmse",)
 LIMITS = Protocol()
 MAX_JOBS = 20_000
 """Maximum number of jobs that are in memory at the same time."""
 MAX_FILES = 16
-"""Number of small files of rows that triggers joining them into one file."""
+"""Number of small files with stored rows from which these files are joined into one file."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class MethodSpec:
     Attributes:
         filter: Name and parameters of the filter.
         adaptation: Name and parameters of the adaptation.
-        r_scale: Factors on the reported measurement covariance R, by the name of the stream.
+        r_scale: Factors on the reported measurement covariance R, by the name of the stream (position or velocity).
     """
 
     filter: Mapping[str, Any]
@@ -108,7 +108,7 @@ def tried_settings(trials: int, space: Space, scramble: int = 0) -> tuple[Settin
 _points: Callable[[int, int, int], FloatArray] = lru_cache(256)(
     lambda k, seed, n: sampler_of("sobol", k, seed).suggest(n)
 )
-"""Cached, because scrambling a Sobol sequence takes as long as several runs."""
+"""Points of a Sobol sequence. They are cached, because scrambling a Sobol sequence takes as long as several runs."""
 
 
 @dataclass(frozen=True)

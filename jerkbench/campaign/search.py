@@ -22,9 +22,9 @@ from jerkbench.r_scale import RScale
 from jerkbench.recording import Recording
 
 FAILED_RUN = math.log(100.0)
-"""The loss of a failed run, and the largest loss of a run. It means 100 times the error of the plain filter."""
+"""The loss of a failed run and the limit of all losses: log 100, for 100 times the error of the plain filter."""
 SETTINGS_AT_ONCE = 16
-"""Number of settings in a block. An adaptive sampler receives the losses after each block."""
+"""Number of settings that are evaluated as one block. An adaptive sampler receives the losses after each block."""
 
 
 def log_losses_to(values: FloatArray, level: FloatArray | float) -> FloatArray:
@@ -118,7 +118,7 @@ class Trials:
         settings: The n evaluated settings.
         runs: (n, r) loss of each setting in each run.
         case: (r,) index of the case to which each run belongs.
-        failed: (n, r) whether the run of each setting failed.
+        failed: (n, r) True if the run failed.
         values: (n, r) metric value of each setting in each run, or NaN if the run failed.
     """
 
@@ -309,8 +309,8 @@ class TuningScore(NamedTuple):
             means over the cases. An error is infinite if a run with this seed failed. The array is empty if the cases
             have no common seeds, or if the loss is a difference.
         errors: Errors of the selected setting, in the same form as ``errors_before``.
-        correlation: Mean correlation of successive innovations of the selected setting if the objective is the
-            likelihood, which assumes 0, otherwise NaN.
+        correlation: Mean correlation of successive innovations with the selected setting, or NaN if the objective is
+            not the likelihood. The likelihood assumes a correlation of 0.
     """
 
     before: FloatArray

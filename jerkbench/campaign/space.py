@@ -19,7 +19,7 @@ from jerkbench.r_scale import RScale
 R_RANGE = Range(0.05, 20.0, log=True, source="ours: from a fifth to four times the reported sigma")
 """The range of each factor on the reported R."""
 EDGE = 0.02
-"""Fraction of the range of a parameter. A value that is closer to an end of the range counts as at the edge."""
+"""Distance from an end of the range of a parameter, as a fraction of the range, within which a value is at the edge."""
 R_STREAMS = tuple(field.name for field in dataclasses.fields(RScale))
 """Streams whose R has a factor: position and velocity."""
 
@@ -185,7 +185,7 @@ class Sobol:
             return np.asarray(self._sequence.random(count), dtype=np.float64)
 
     def observe(self, losses: Sequence[float]) -> None:
-        """Ignore the losses, because a Sobol sequence does not depend on them."""
+        """Ignore the losses, because a Sobol sequence does not depend on losses."""
 
 
 class Optuna:

@@ -101,7 +101,7 @@ class Seeds:
 
 @dataclass(frozen=True, eq=False)
 class Cases:
-    """The cases of a tuning: scenarios with their seeds.
+    """The cases of a tuning. A case is a scenario with its seeds.
 
     Attributes:
         tune: The cases on which the search evaluates every candidate setting.
@@ -155,7 +155,7 @@ def by_time(jobs: Sequence[Job], seeds: Seeds, share: float = 0.5) -> Cases:
     """Return cases for tuning on the first part of each recording, and for the test on the rest of the recording.
 
     For tuning, a recording ends at the fraction ``share`` of its duration. For the test, the complete recording is
-    used, but errors before this fraction of the duration are not counted.
+    used, but errors before the fraction ``share`` of the duration are not counted.
     """
     require_one_method(jobs)
     if not 0 < share < 1:

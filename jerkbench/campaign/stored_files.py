@@ -60,7 +60,7 @@ def read_json(path: Path, tests: Mapping[str, tuple[Test, str]], origin: str) ->
 
     Args:
         path: The path of the file.
-        tests: By key, a test of the value and a description of the valid values.
+        tests: Keys to check, with a test of the value and a description of the valid values.
         origin: Sentence for the error message that explains how to create the file.
 
     Raises:

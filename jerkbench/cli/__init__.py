@@ -36,7 +36,7 @@ plugins and presets, `jerkbench show KIND NAME` the parameters. Several disturba
 disturbance=[imu_bias,gnss_outage].
 
 Set a parameter as GROUP.PARAMETER=VALUE. For disturbances use disturbance.NAME.PARAMETER=VALUE, because a run can have
-several:
+several disturbances:
 
   jerkbench run adaptation=mtf adaptation.window=3
   jerkbench run disturbance=gnss_outage disturbance.gnss_outage.windows_s=[[50,60]]
@@ -46,12 +46,12 @@ not change.
 
 Other KEYs: study, results, seeds, first_seed, burn_in_s, divergence_limit_m, metrics, workers, cluster, figures,
 figures_pdf, report, notes. --dry prints the planned runs, the combinations that are left out and the expected time,
-and runs nothing. --config-dir DIR adds a folder with your presets (DIR/dataset/mine.yaml) to any command. It can be
-given several times. --config-name NAME uses DIR/NAME.yaml as the experiment. Results are in results/STUDY. A stored
-run is not computed again, so the same command continues a sweep that was stopped.
+and runs nothing. --config-dir DIR adds a folder with your presets (DIR/dataset/mine.yaml) to any command. The option
+can be given several times. --config-name NAME uses DIR/NAME.yaml as the experiment. Results are in results/STUDY. A
+stored run is not computed again, so the same command continues a sweep that was stopped.
 
-A configuration can read an environment variable (${oc.env:NAME}) only if JERKBENCH_ENV=NAME,... lists it, because its
-value appears in names and tables.
+A configuration can read an environment variable (${oc.env:NAME}) only if JERKBENCH_ENV=NAME,... lists the variable,
+because the value of the variable appears in names and tables.
 
 Exit codes: 0 all runs are complete (a diverged run is a result); 1 a run failed, or a result cannot be stored;
 2 the input is invalid; 130 interrupted.
@@ -119,7 +119,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 REQUIRED_BYTES = 3 * 2**29
-"""Address space that is needed to load all libraries."""
+"""Address space that is needed to load all libraries [bytes]."""
 
 SMALLER = "use fewer seeds or workers, shorter recordings, or a machine with more memory."
 

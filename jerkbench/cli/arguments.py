@@ -123,7 +123,7 @@ STUDY = argument("folder", type=Path, help="the study's folder, for example resu
 OUTPUT_FORMAT = argument("--format", choices=("terminal", "json"), default="terminal", help="default: terminal")
 
 RUN_PROGRAMS = flag("--run-programs", help="run programs of stored results (filter=command); only if you trust them")
-"""Option to run programs that stored results name. The default is safe, because others may have made the results."""
+"""Option to run programs that stored results name. By default, no program runs, as others may have made the results."""
 
 EXECUTION = (
     argument("--cluster", default="local", help="cluster that runs it: local, dask, slurm, ... (default: local)"),

@@ -124,9 +124,10 @@ def suite_run_command(arguments: argparse.Namespace) -> None:
       jerkbench suite run filter=baseline adaptation=my_rule --scale v2-tiny    takes seconds, tests the method
       jerkbench suite run filter=command filter.command="./mine {recording} {out}" --name mine
 
-    A method whose parameters have ranges is tuned on 60 random drives and scored on 240 others. A method without ranges
-    or a program is scored without tuning. The plain filter is tuned in the same way. The same command continues a run
-    that was stopped. The entry has entry.md, rows.parquet, settings.yaml and manifest.json (docs/suite.md).
+    A method whose parameters have ranges is tuned on 60 random drives and scored on 240 other drives. A method without
+    ranges, or an external program, is scored without tuning. The plain filter is tuned in the same way. The same
+    command continues a run that was stopped. The entry has entry.md, rows.parquet, settings.yaml and manifest.json
+    (docs/suite.md).
 
     Raises:
         JerkbenchError: An argument is unknown, the method is not compatible, or the files of the suite were changed.
@@ -190,7 +191,7 @@ def suite_verify_command(arguments: argparse.Namespace) -> None:
     argument("--rows", type=count, default=3, help="number of rows of each entry to compute again (default: 3)"),
 )
 def suite_board_command(arguments: argparse.Namespace) -> None:
-    """Verify all entries of a folder, and write them as a sortable page.
+    """Verify all entries of a folder, and write a sortable page that ranks the entries.
 
       jerkbench suite board results/suite-v2-tiny
       jerkbench suite board results/suite-v2-tiny --rows 1

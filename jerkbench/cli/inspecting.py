@@ -68,7 +68,7 @@ def _write_preset(draft: "Draft", preset: Path) -> None:
 
 
 _SHIFT_PARAMETERS = ("imu_shift_s", "position_latency_s", "velocity_latency_s", "position_shift_s", "velocity_shift_s")
-"""Parameters of data sets that shift stamps to the times of validity of the values."""
+"""Parameters of data sets that shift time stamps to the times at which the values are valid."""
 
 _FIGURES = (".pdf", ".png", ".svg")
 

@@ -12,8 +12,8 @@ from jerkbench.contracts import Dataset
 from jerkbench.errors import JerkbenchError, PluginError, require_known
 
 SUFFIXES = {".pos": "rtklib", ".bag": "rosbag", ".db3": "rosbag", ".mcap": "rosbag", ".active": "rosbag"}
-"""The data set that reads a file with a suffix, or a folder with such files. After a power loss, a ROS 1 bag has the
-suffix .bag.active."""
+"""The data set that reads a file with a suffix, or a folder with files of this suffix. After a power loss, a ROS 1 bag
+has the suffix .bag.active."""
 
 FOLDER_PATTERNS = {
     "*.hdf5": "broad",
@@ -26,7 +26,7 @@ FOLDER_PATTERNS = {
     "GPSRaw.dat": "beijing_car",
     "GroundTruthAGL.csv": "zurich_mav",
 }
-"""The data set or preset that reads a folder with a file that matches the pattern."""
+"""The data set or preset that reads a folder, by the pattern of a file in the folder."""
 
 
 SOURCE_ARGUMENTS = (
@@ -64,7 +64,7 @@ def dataset_of(source: str, name: str | None, settings: Sequence[str]) -> Datase
 
 
 def _parameters(settings: Sequence[str]) -> dict[str, Any]:
-    """Return parameters of a data set, which are written as for `jerkbench run`, with or without the prefix dataset."""
+    """Parse parameters of a data set, written as arguments of `jerkbench run`, with or without ``dataset.``."""
     from jerkbench.hydra_app.overrides import parsed_override
 
     if wrong := [setting for setting in settings if "=" not in setting]:
@@ -165,7 +165,7 @@ def data_export_command(arguments: argparse.Namespace) -> None:
       jerkbench data export drive dataset=field disturbance=gnss_outage seeds=5
       jerkbench data export tools dataset=field seeds=1 --format csv mcap
 
-    FOLDER/SEED/recording.csv has a row for each stamp of any stream, and recording.json describes its columns. The
+    FOLDER/SEED/recording.csv has a row for each stamp of any stream, and recording.json describes the columns. The
     reference, which a method must not use, is FOLDER/SEED/reference.csv.
 
     Raises:

@@ -229,7 +229,7 @@ READING_NOTE = (
     "A, B: geometric means over the successful runs (arithmetic if a value is 0). B/A: geometric mean and its 95 % "
     "interval (Student's t), paired if the seeds match; the median if runs diverged or failed."
 )
-"""The explanation that is printed below the numbers."""
+"""The explanation of A, B and B/A that is printed below a comparison."""
 
 
 @command(
@@ -265,7 +265,7 @@ def compare_command(arguments: argparse.Namespace) -> None:
          file is damaged
 
     Raises:
-        JerkbenchError: A folder has no results, or the studies have no common combinations or other conditions.
+        JerkbenchError: A folder has no results, or the studies have no common combinations or different conditions.
         SystemExit: 3 if a combination fails, otherwise 4 if a combination cannot be compared.
     """
     from jerkbench.jobs.study import load_study

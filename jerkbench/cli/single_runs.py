@@ -17,7 +17,7 @@ ROW_ARGUMENTS = (
     argument("row", metavar="ROW", help="number of the row in rows.csv (from 1), or KEY:SEED of a file in cells/"),
     RUN_PROGRAMS,
 )
-"""The arguments that select a row."""
+"""The arguments that select a row of the stored results."""
 
 
 @command(*ROW_ARGUMENTS)
@@ -57,14 +57,14 @@ def rerun_command(arguments: argparse.Namespace) -> None:
     argument("--updates", type=output, metavar="FILE.csv", help="write innovation, NIS and R of each update"),
 )
 def export_command(arguments: argparse.Namespace) -> None:
-    """Write the trajectories of a row (TUM), or its updates with the adapted R.
+    """Write the trajectories of a stored run (TUM), or its measurement updates with the adapted R.
 
       jerkbench export results/first 1 --tum trajectories
       jerkbench export results/first 5 --updates updates.csv
 
     Raises:
-        JerkbenchError: No output is selected, the row does not exist, its data have changed, or it has no reference or
-            no updates.
+        JerkbenchError: No output is selected, the row does not exist, its data have changed, or the run has no
+            reference or no updates.
     """
     from jerkbench.evaluation.counted_rows import counted_rows
     from jerkbench.jobs.replay import stored_row

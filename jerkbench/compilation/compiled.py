@@ -1,8 +1,8 @@
 """Functions that numba compiles, and the cache on disk from which later processes load the compiled code.
 
-After a change in another file that a function uses, the cache of numba returns outdated code. Therefore each compiled
-function has a separate cache folder. The name of the folder contains a digest of the source files of all functions that
-are called directly or indirectly, and of the constants that these functions read.
+After a change in another file that a function uses, the cache of numba returns outdated code, so each compiled function
+has a separate cache folder. The name of the folder contains a digest of the source files of all functions that are
+called directly or indirectly, and of the constants that these functions read.
 """
 
 import hashlib
@@ -30,7 +30,7 @@ COMPILED = "compiled"
 Function = Callable[..., Any]
 
 LIBRARIES = {"numpy", "numba", "llvmlite", "scipy", *sys.stdlib_module_names}
-"""Modules whose functions are not compiled here: numba supports them, or cannot compile them."""
+"""Modules whose functions are not compiled here, because numba supports these functions or cannot compile them."""
 
 
 def can_compile() -> bool:

@@ -1,9 +1,9 @@
 """A numba compiler for functions that are called only by compiled code.
 
-By default, numba optimises every function and generates its machine code. numba then repeats this work for each caller,
-because the code of the function is linked into the caller. Only the machine code of the entry point, the function that
-Python calls, is executed. Therefore the classes of this module optimise only the entry point. The compilation then
-takes a small fraction of the time.
+By default, numba optimises every function and generates its machine code. numba repeats this work for each caller of
+the function, because the code of the function is linked into the caller. Only the machine code of the entry point, the
+function that Python calls, is executed, so the classes of this module optimise only the entry point, which reduces
+the compilation time to a small fraction.
 """
 
 from typing import Any
@@ -51,10 +51,10 @@ class InnerLowering(NativeLowering):
 
 
 class InnerCompiler(CompilerBase):
-    """A numba compiler that runs the default passes, with `InnerLowering` as the last pass."""
+    """A numba compiler that runs the default passes, but `InnerLowering` instead of `NativeLowering`."""
 
     def define_pipelines(self) -> list[PassManager]:
-        """Return the pipeline."""
+        """Return the only pipeline of the compiler."""
         manager = PassManager("jerkbench_inner")
         for compiler_pass, title in DefaultPassBuilder.define_nopython_pipeline(self.state).passes:
             manager.add_pass(InnerLowering if compiler_pass is NativeLowering else compiler_pass, title)

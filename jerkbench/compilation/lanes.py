@@ -4,9 +4,10 @@ In a class with ``lanes = True``, the arguments of a method are vectors with one
 (`jerkbench.compilation.vectors`). A method with vector arguments must not branch on data. The four functions of this
 module replace branches. For a single run, these functions have the same results as a branch.
 
-An integer parameter is equal in all runs of a call, so a method may use it as the number of iterations of a loop. An
-integer parameter whose name is in ``varying`` is a vector instead. A method may also use ``+ - * /``, abs, min, max,
-math.sqrt and math.exp. A method may create arrays with the type of its arguments: ``np.empty(shape, P.dtype)``.
+An integer parameter is equal in all runs of a call, so a method may use the parameter as the number of iterations of a
+loop. An integer parameter whose name is in ``varying`` is a vector instead. A method may also use ``+ - * /``, abs,
+min, max, math.sqrt and math.exp. A method may create arrays with the type of its arguments: ``np.empty(shape,
+P.dtype)``.
 """
 
 from collections.abc import Callable
@@ -40,7 +41,7 @@ def anywhere(flag: float) -> bool:
 
 
 def above(pivot: float, least: float) -> float:
-    """Return ``pivot`` if ``pivot`` is above ``least``. In a batch, the result is NaN for all other runs.
+    """Return ``pivot`` if it is above ``least``. In a batch, the result is NaN for each run with a smaller ``pivot``.
 
     Raises:
         LinAlgError: ``pivot`` is not above ``least``, and the function is called for a single run.

@@ -1,9 +1,9 @@
 """SIMD vectors of eight numbers for compiled code. A vector contains one number for each of eight runs.
 
-The kernels are written for numbers. numba compiles a function separately for each combination of argument types.
-Therefore a kernel that receives arrays of vectors (`in_lanes`) processes eight runs at the same time. Only branches
-have to be replaced. The function `select` selects one of two values in each run, and `anywhere` returns whether a
-number is positive in any run.
+The kernels are written for scalar numbers. numba compiles a function separately for each combination of argument types,
+so a kernel that receives arrays of vectors (`in_lanes`) processes eight runs at the same time. Only the branches of a
+kernel have to be replaced. The function `select` selects one of two values in each run, and `anywhere` returns whether
+a number is positive in any run.
 """
 
 import math
@@ -25,7 +25,7 @@ from jerkbench.compilation import lanes
 
 NUMBER, INDEX = ir.DoubleType(), ir.IntType(32)
 WIDE_NUMBER = ir.VectorType(NUMBER, WIDE)
-"""Vector type of LLVM. The line above defines the number types."""
+"""LLVM type of a vector. `NUMBER` and `INDEX` are the LLVM types of an element and of its index."""
 
 Untyped = Any
 """Annotation of objects of numba and llvmlite, because these packages have no type annotations."""

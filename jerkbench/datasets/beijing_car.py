@@ -1,4 +1,4 @@
-"""A car in a suburb of Beijing: 10 Hz fixes with slow errors, and an RTK receiver in the same car."""
+"""A car in a suburb of Beijing: 10 Hz fixes with slowly varying errors, and an RTK receiver as the reference."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,7 @@ from jerkbench.recording import Position, Recording, Reference, Velocity
 TABLE, _LOG = "Data.txt", "GPSRaw.dat"
 _GPS, RTK, RTK_VELOCITY = ("GPS_X", "GPS_Y"), ("RTK_X", "RTK_Y"), ("RTK_Vx", "RTK_Vy")
 
-# The sentences `$PSAT,FVI` and `$..GST` in the log of a receiver: velocities and standard deviations of each epoch.
+# In the receiver's log, a sentence `$PSAT,FVI` has the velocity and a sentence `$..GST` the sigmas of an epoch.
 
 FVI, GST = "$PSAT,FVI,", "GST,"
 FVI_FIELDS, GST_FIELDS = (15, 16, 17), (6, 7, 8)
@@ -71,18 +71,19 @@ _NOTES = (
 @register("dataset", "beijing_car")
 @dataclass(frozen=True)
 class BeijingCar(FromFiles):
-    """A car, 1156 s, 8.8 km: fixes, velocities and sigmas of a receiver, 10 Hz, and RTK as the reference; no IMU.
+    """A car drive of 1156 s and 8.8 km without an IMU: fixes, velocities and sigmas at 10 Hz, and RTK as the reference.
 
-    ``Data.txt`` has horizontal positions (ENU, m) of both receivers in each row. Row i belongs to the i-th `$PSAT,FVI`
-    (velocity) and `$..GST` (sigmas) of ``GPSRaw.dat``. The up coordinate of both receivers is set to 0.
+    Each row of ``Data.txt`` has the horizontal positions (ENU, m) of the receiver and of the RTK receiver. Row i
+    belongs to the i-th sentence `$PSAT,FVI` (velocity) and to the i-th sentence `$..GST` (sigmas) of ``GPSRaw.dat``.
+    The up coordinate of both receivers is set to 0.
 
     Source: S. Wang, "Distributionally robust state estimation for jump linear systems", IEEE Trans. Signal Processing,
     2023, doi:10.1109/TSP.2023.3322802, its supplementary material ("[2] Real - Car"); for academic use and teaching.
 
     Attributes:
         folder: folder of Data.txt and GPSRaw.dat.
-        velocity_sigma_mps: standard deviation of each axis of the velocity [m/s]. The default is an assumption, because
-            the receiver does not state the accuracy of velocities.
+        velocity_sigma_mps: standard deviation of each axis of the velocity [m/s]. The default sigma is an assumption,
+            because the receiver does not state the accuracy of velocities.
     """
 
     without_imu: ClassVar[bool] = True

@@ -25,7 +25,7 @@ _COLUMNS = {"imu_acc": 3, "imu_gyr": 3, "opt_quat": 4, "movement": 1}
 """Fields that are read, and the number of columns of each field. Magnetometer and optical position are not read."""
 
 _MAX_VALUES = {"imu_acc": 1e3, "imu_gyr": 1e2, "opt_quat": 2.0, "movement": 1.0}
-"""Maximum plausible values [m/s2, rad/s]."""
+"""Maximum plausible magnitude: specific force [m/s2], angular rate [rad/s], quaternion and movement flag [-]."""
 
 MIN_SAMPLES = 2
 
@@ -135,7 +135,7 @@ class Broad(FromFiles):
 
     Attributes:
         folder: folder of the trials, or empty for the folder of `jerkbench data fetch broad`.
-        trial: number of the trial, with which the name of its file (.hdf5 or .mat) starts.
+        trial: number of the trial. The name of the file of the trial (.hdf5 or .mat) starts with this number.
         remove_gyro_bias: whether to subtract the gyro's mean over the first rest.
     """
 
@@ -201,7 +201,7 @@ def _reference(name: str, t_s: FloatArray, trial: BroadTrial) -> Reference:
 
 RATE_HZ = 100.0
 SATURATED_RADPS = 7.3
-"""Angular rate at which the gyro saturates."""
+"""Samples with an angular rate above this threshold are treated as saturated [rad/s]."""
 
 WINDOW_S, SOUND = 10.0, 0.05
 """Length [s] over which the specific force is averaged, and maximum relative difference of the average from gravity."""
@@ -216,21 +216,24 @@ class RepoImu(FromFiles):
 
     The stick is at rest for two to four seconds and is then swung by hand for a minute and a half. In the published
     data, the body axes of the reference are rotated by 2.8 degrees relative to the IMU, and the frame of the reference
-    is tilted by 1.7 degrees. Without a correction, these rotations would cause the same error in every filter. Both
-    rotations are constant and are estimated without a filter, from the gyro samples y_G,k, the accelerometer samples
-    y_A,k, and the attitudes q_k of the reference::
+    is tilted by 1.7 degrees. Without a correction, these misalignments of the reference would add the same error to
+    every filter. The rotation B of the body axes and the rotation T of the frame are constant, and are estimated
+    without a filter from the gyro samples y_G,k, the accelerometer samples y_A,k, and the attitudes q_k of the
+    reference::
 
         B = the rotation with the least sum of |w_k - B y_G,k|^2,  w_k the angular rate of the reference
         T u = e3,  u = mean of q_k B y_A,k, normalised;   reference = T q_k B
 
-    After an occlusion of markers (Test05), the reference is wrong for up to a minute. A sample is scored only if the
-    norm of the mean of q_k y_A,k over ten seconds around the sample is equal to gravity within 5 %, because a hand does
-    not accelerate for ten seconds. In Test05, the gyro also saturates at 7.36 rad/s.
+    After an occlusion of markers (Test05), the attitude of the reference is wrong for up to a minute. A hand does not
+    accelerate for ten seconds, so the mean of q_k y_A,k over ten seconds is equal to gravity if the attitudes q_k are
+    correct. A sample is scored only if the norm of this mean, over the ten seconds around the sample, differs from
+    gravity by less than 5 %. In Test05, the gyro saturates at 7.36 rad/s.
 
-    Each trial is a Parquet file ``TStick_Test02_Trial1.parquet`` with the columns t_s; ax, ay, az [m/s2] and gx, gy, gz
-    [rad/s] in the axes of the sensor; qw, qx, qy, qz, the rotation from the sensor to a frame whose z axis is up; and
-    movement (1: scored). The original data have no stated licence, so they cannot be fetched. Export the published CSV
-    files to these columns.
+    Each trial is a Parquet file, for example ``TStick_Test02_Trial1.parquet``. The file has the columns t_s [s]; ax,
+    ay, az [m/s2] and gx, gy, gz [rad/s] in the axes of the sensor; the quaternion qw, qx, qy, qz of the rotation from
+    the sensor to a frame whose z axis is up; and movement (1 if the row is scored). The original data have no stated
+    licence, so `jerkbench data fetch` does not offer them. To use the data set, convert the published CSV files to
+    Parquet files with the columns above.
 
     Source: A. Szczesna and others, Annals of Computer Science and Information Systems 8, 2016;
     github.com/agnieszkaszczesna/RepoIMU.
@@ -240,7 +243,8 @@ class RepoImu(FromFiles):
         test: number of the test.
         trial: number of the trial within the test.
         remove_gyro_bias: whether to subtract the gyro's mean over the first rest.
-        align_reference: whether to rotate the reference by T and B, and to score only samples with a valid reference.
+        align_reference: whether to correct the attitude of the reference by the rotations T and B, and to score only
+            samples with a valid reference.
     """
 
     attitude_only: ClassVar[bool] = True

@@ -1,4 +1,4 @@
-"""A minute of comma2k19: a car with the IMU and the receiver of a phone-like device, and the car's wheel speed."""
+"""The data set `comma2k19`: one minute of a car with IMU and receiver of a phone-like device, and with wheel speed."""
 
 from dataclasses import dataclass
 from datetime import timedelta
@@ -18,7 +18,7 @@ from jerkbench.io.text import MAX_NUMBER, require_content, require_possible
 from jerkbench.plugins import register
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
 
-# The files of a segment (one minute) of comma2k19, which contain NumPy arrays and have no suffix.
+# The files of a segment (one minute) of comma2k19 contain NumPy arrays and have no suffix.
 
 _POSE, _LOG = "global_pose", "processed_log"
 _GROUPS: dict[str, dict[str, tuple[int, float]]] = {
@@ -32,12 +32,12 @@ _GROUPS: dict[str, dict[str, tuple[int, float]]] = {
     f"{_LOG}/GNSS/live_gnss_ublox": {"t": (1, MAX_NUMBER), "value": (6, MAX_NUMBER)},
     f"{_LOG}/CAN/speed": {"t": (1, MAX_NUMBER), "value": (1, 2e2)},
 }
-"""Arrays that are read: the number of columns of each array, and its maximum plausible value [m/s2, rad/s, m/s, m]. The
-arrays of a group have the same number of rows."""
+"""For each array that is read: its number of columns, and its maximum plausible value [m/s2, rad/s, m/s, m]. The arrays
+of a folder have the same number of rows."""
 
 
 class CommaSegment(NamedTuple):
-    """The arrays of a segment. The stamps of the log are seconds since the device started.
+    """The arrays of a segment. All stamps are seconds since the device started.
 
     Attributes:
         frame_log_s: (k,) stamps of the camera frames, which are the stamps of the reference [s].
@@ -134,21 +134,23 @@ _NOTES = (
 @register("dataset", "comma2k19")
 @dataclass(frozen=True)
 class Comma2k19(FromFiles):
-    """A minute of comma2k19: a car at 8 to 20 m/s, with its wheel speed and a reference other than the fixes.
+    """A minute of comma2k19: a car at 8 to 20 m/s, with its wheel speed and a reference that is not the fixes.
 
-    The defaults are for ``Example_1`` of github.com/commaai/comma2k19 (MIT). Time 0 is the first IMU sample. The log
-    stamps of the fixes jitter by -20 to +39 ms, so they are replaced by a linear least-squares fit of the log time as
-    a function of the receiver's UTC::
+    The defaults are for ``Example_1`` of github.com/commaai/comma2k19 (MIT). Time 0 is the first IMU sample. The times
+    at which fixes were logged jitter by -20 to +39 ms. Each log time is replaced by a linear least-squares fit of the
+    log time as a function of the receiver's UTC::
 
         t_fix = a UTC + b - position_age;    t_course = a UTC + b - course_age
 
-    The x axis of the body is the direction of travel, which is Rz(yaw) Ry(pitch) x in the axes of the device::
+    The x axis of the body is the direction of travel. In the axes of the device, this direction is Rz(yaw) Ry(pitch) x,
+    with the mounting yaw and the mounting pitch of the device::
 
         f_body = (Rz(yaw) Ry(pitch))' diag(1, -1, -1) f_device                  and the same for the gyro
 
-    The wheel speed, multiplied by its scale, is a `Velocity` along the course. Above a minimum speed, the bearing of
-    the receiver is a heading with the source "course". The car moves from the start, so the tilt estimate starts with a
-    level body. Fixes that leap are dropped. The first remaining fix is the origin.
+    The wheel speed, multiplied by ``wheel_scale``, is a `Velocity` along the course. Above ``course_min_speed_mps``,
+    the bearing of the receiver is a heading with the source "course". The car already moves at the start, so the tilt
+    cannot be estimated at rest, and the filters start with a level body. Fixes that leap (are far from neighbouring
+    fixes) are dropped. The origin of ENU is the first fix that is not dropped.
 
     Source: H. Schafer, E. Santana, A. Haden, R. Biasini, "A Commute in Data: The comma2k19 Dataset", arXiv:1812.05752.
 
@@ -156,17 +158,17 @@ class Comma2k19(FromFiles):
         folder: folder with global_pose and processed_log, or empty for the folder of `jerkbench data fetch comma2k19`.
         mounting_yaw_deg: yaw of the direction of travel in the axes of the device, positive to the left [deg].
         mounting_pitch_deg: pitch of the direction of travel in the axes of the device, negative upwards [deg].
-        position_age_s: age of a fix at its fitted time [s].
+        position_age_s: time from the validity of a fix to its fitted log time [s].
         position_sigma_m: standard deviation of a fix on each axis [m].
-        course_age_s: age of the bearing at its fitted time [s].
+        course_age_s: time from the validity of the bearing to its fitted log time [s].
         course_sigma_deg: standard deviation of the bearing [deg].
         course_min_speed_mps: speed of the receiver below which the bearing is dropped [m/s].
         wheel: whether the recording contains the wheel speed.
         wheel_scale: ratio of the true speed to the wheel speed [-].
-        wheel_sigma_mps: standard deviation of the wheel speed, larger than its noise because the noise is coloured
-            [m/s].
-        across_sigma_mps: standard deviation of the velocity across the course, which is assumed to be zero
-            (non-holonomic constraint) [m/s], or null without this constraint.
+        wheel_sigma_mps: standard deviation of the wheel speed [m/s]. This value is larger than the noise of the wheel
+            speed, because the noise is correlated in time.
+        across_sigma_mps: standard deviation of the velocity across the course [m/s], which is assumed to be zero
+            (non-holonomic constraint), or null for no such constraint.
     """
 
     folder: str = ""

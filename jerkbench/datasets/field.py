@@ -1,4 +1,4 @@
-"""The simulated farm robot, with white sensor noise, with correlated errors (the default), and on rougher terrain."""
+"""Data sets of a simulated farm robot: with white noise, with correlated errors (`field`), and on rougher ground."""
 
 from dataclasses import dataclass, fields, replace
 from typing import ClassVar
@@ -37,13 +37,13 @@ short time."""
 @register("dataset", "field_white")
 @dataclass(frozen=True)
 class FieldWhite(Sensors):
-    """A simulated farm robot that drives to and fro over rough ground, with RTK-fixed GNSS and white noise.
+    """A simulated farm robot that drives back and forth over rough ground, with RTK-fixed GNSS and white noise.
 
     Results published up to version 0.2 are based on this data set, so its data never change.
 
-    The robot is stationary, accelerates, then drives straight passes with headland turns of 180 degrees to alternating
-    sides. The speed is a sum of quintic smoothsteps. The yaw rate in a turn of duration T is
-    +-(pi/T) (1 - cos(2 pi t/T)).
+    The robot is first stationary, then accelerates, then drives straight passes. Between two passes, the robot makes a
+    headland turn of 180 degrees, alternately to the left and to the right. The speed is a sum of quintic smoothsteps.
+    The yaw rate in a turn of duration T is +-(pi/T) (1 - cos(2 pi t/T)).
 
     The height z depends on the travelled distance s and on the coordinate x (east)::
 
@@ -51,22 +51,23 @@ class FieldWhite(Sensors):
         G_i = 1024e-6 m3 (n_i/.1)^-2,  36 waves, n from .03 to 1.2 cycles/m in geometric steps
         pitch = -atan(forward slope) (nose down is positive),  roll = atan(left slope) + r(s)
 
-    The roll profile r has the form of h, with 0.6 c instead of c. Vibration is part of the true motion. The vibration
-    consists of 14 sines between 8 and 35 Hz, whose amplitude grows during the first ramp, so that the robot is
-    stationary at the start. A rut at the time t_r, with u = (t - t_r)/tau, H = (1 + tanh u)/2 and B = 1 - tanh^2 u,
-    lowers the height by drop H and the speed by dip B, and adds a pitch and a roll that are proportional to B.
+    The roll profile r(s) is the same sum as h(s), but with other random phases and with 0.6 c instead of c. Vibration
+    is part of the true motion. The vibration consists of 14 sines between 8 and 35 Hz, whose amplitude grows during the
+    first ramp, so that the robot is stationary at the start. Let u = (t - t_r)/tau, H = (1 + tanh u)/2 and B = 1 -
+    tanh^2 u. A rut at the time t_r lowers the height of the robot by drop H and the speed by dip B, and adds a pitch
+    and a roll that are proportional to B.
 
-    The accelerometer also measures false forces, which do not move the robot. False forces are the forces of ruts, and
-    impacts, which are upward half sines of 20 ms. The equations and parameters of the sensors below are common to all
-    simulated vehicles.
+    The accelerometer also measures false forces, which do not move the robot. The false forces are the forces of ruts
+    and the forces of impacts. The force of an impact is an upward half sine of 20 ms. All simulated vehicles have the
+    same equations and parameters of the sensors, which are described below.
 
-    Source: ISO 8608:2016 for G (c = 1.5 gives 2304e-6 m3 at .1 cycles/m, in its class E); the robot is fictitious, with
-    the sensors of a small field robot.
+    Source: ISO 8608:2016 for the spectrum G (c = 1.5 gives 2304e-6 m3 at .1 cycles/m, which is class E of the
+    standard). The robot is fictitious and has the sensors of a small field robot.
 
     Attributes:
         duration_s: duration of the drive [s].
-        sensor_rate_hz: internal rate of the accelerometer [Hz], at which false forces are added and the range limits
-            the specific force, before samples are averaged.
+        sensor_rate_hz: internal rate of the accelerometer [Hz]. At this rate, false forces are added and the specific
+            force is limited to the range of the sensor. Then the internal samples are averaged to IMU samples.
         stand_s: duration for which the robot is stationary at the start [s].
         ramp_s: time in which the robot reaches its speed, and in which the vibration reaches its amplitude [s].
         pass_s: duration of a pass, including speed changes [s].
@@ -76,13 +77,13 @@ class FieldWhite(Sensors):
         speed_change_s: duration of each speed change between a pass and a turn [s].
         heading_rad: initial heading, from east towards north [rad].
         roughness: c, factor on the amplitudes of the terrain [-].
-        roll_ratio_radpm: ratio of the factor of the roll profile r(s) to c [rad/m].
+        roll_ratio_radpm: amplitude factor of the roll profile r(s), divided by c [rad/m].
         hill_height_m: A, amplitude of the hill [m].
         hill_length_m: L, wavelength of the hill [m].
         vibration_mps2: rms of the vertical vibration [m/s2]. The vibration east and north is 0.7 times as large.
         vibration_rad: rms of the vibration of roll, of pitch and of yaw [rad].
         ruts: whether the ground has ruts.
-        rut_times_s: times of the ruts [s].
+        rut_times_s: times at which the robot drives into a rut [s].
         rut_drop_m: drop, depth of a rut [m].
         rut_tau_s: tau, time constant of a rut [s].
         rut_speed_dip_mps: dip, decrease of the speed in a rut [m/s].
@@ -90,7 +91,8 @@ class FieldWhite(Sensors):
         rut_roll_rad: maximum roll in a rut [rad].
         rut_force_mps2: false specific force (forward, left, up) at the time of a rut [m/s2].
         rut_force_decay_s: time in which the false force of a rut falls to 1/e [s].
-        impacts_per_s: rate of the impacts, which are a Poisson process from the end of the ramp on [1/s].
+        impacts_per_s: mean number of impacts per second [1/s]. The impacts are a Poisson process, which starts at the
+            end of the ramp.
         impact_mps2: peak specific force of an impact [m/s2].
         false_forces: whether the accelerometer measures the false forces of ruts and impacts.
     """
@@ -197,7 +199,7 @@ class FieldWhite(Sensors):
                 f"{self._what}: pass_s is {self.pass_s} and speed_change_s is {self.speed_change_s}; pass_s must be at"
                 " least twice speed_change_s, because a pass contains two speed changes."
             )
-        earliest = self.stand_s + 10.0 * self.rut_tau_s  # 10 tau before a rut, 1 - tanh^2 is below 1e-8
+        earliest = self.stand_s + 10.0 * self.rut_tau_s  # the effect B of a rut is below 1e-8 at 10 tau before the rut
         if any(t < earliest for t in self._ruts().times_s):
             raise PluginError(
                 f"{self._what}: rut_times_s is {self.rut_times_s}; each rut must be at {earliest:g} s or later, so that"
@@ -213,21 +215,23 @@ class FieldWhite(Sensors):
 @register("dataset", "field")
 @dataclass(frozen=True)
 class Field(FieldWhite):
-    """The simulated farm robot with correlated sensor errors: coloured noise, a latency, a lever arm. Version 2.
+    """The simulated farm robot with correlated sensor errors: coloured noise, a latency, and an error of the lever arm.
 
-    A filter that assumes white noise is overconfident on this data set, as it is on real fixes. The defaults have the
-    following sources:
+    A filter that assumes white noise is overconfident on this data set, as it is on real fixes. In the following list
+    of the sources of the defaults, the fraction is the fraction of the error variance that is correlated in time, and
+    the time is the correlation time.
 
-    - Position (fraction 0.7, time 5 s): the receiver of rtklib_drive_0708 at rest (33 s, 145 fixed solutions). The
-      autocorrelation of these fixes at lags of 0.25 to 3 s fits .72 exp(-t/4.7 s) east, .58 exp(-t/1.8 s) north and
-      .82 exp(-t/6.7 s) up. The position errors of comma2k19 in motion have longer correlation times: 5.8, 12.7 and
-      17.9 s with fractions of 1.
-    - Velocity (fraction 0.5, time 2 s): the difference between the wheel speed of comma2k19 and its reference over
-      60 s, whose autocorrelation fits .53 exp(-t/1.9 s).
-    - Heading (fraction 0.5, time 30 s), latency (0.01 s) and lever arm (1, 1, 2 cm): assumptions about the remaining
-      errors after lags were estimated and the arm was measured with a tape, which no recording confirms.
+    - Position (fraction 0.7, time 5 s): measured with the receiver of rtklib_drive_0708 at rest (33 s, 145 fixed
+      solutions). The autocorrelation of these fixes at lags of 0.25 to 3 s fits .72 exp(-t/4.7 s) east, .58 exp(-t/1.8
+      s) north and .82 exp(-t/6.7 s) up. The position errors of comma2k19 in motion have longer correlation times: 5.8,
+      12.7 and 17.9 s with a fraction of 1.
+    - Velocity (fraction 0.5, time 2 s): measured on comma2k19 over 60 s. The autocorrelation of the difference between
+      wheel speed and reference speed fits .53 exp(-t/1.9 s).
+    - Heading (fraction 0.5, time 30 s), latency (0.01 s) and lever arm (1, 1, 2 cm): assumptions, which no recording
+      confirms. The latency is the error that remains after lags were estimated. The error of the lever arm remains
+      after the arm was measured with a tape.
 
-    The path of the robot, the ground and the parameters are the same as in `field_white`.
+    The path of the robot, the ground and all other parameters are the same as in `field_white`.
     """
 
     recording_name: ClassVar[str] = "field"

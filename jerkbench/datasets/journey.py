@@ -21,30 +21,33 @@ FIXES, _REFERENCE, META = "fixes.parquet", "reference.parquet", "meta.json"
 _POSITION, _SIGMA, _VELOCITY = ["e_m", "n_m", "u_m"], ["sd_e_m", "sd_n_m", "sd_u_m"], ["ve_mps", "vn_mps", "vu_mps"]
 
 UNSTATED_M = {"UWB": 0.3, "Pixel": 5.0, "xiaomi": 5.0, "": 3.0}
-"""Default standard deviation [m] of an axis, by a part of the receiver's name: UWB, phones, other receivers."""
+"""Default standard deviation of each axis of a fix [m], by a part of the receiver's name: UWB, phones, others."""
 
 
 @register("dataset", "journey")
 @dataclass(frozen=True)
 class RecordedFixes(FromFiles):
-    """A recorded drive, walk or flight: fixes, optionally with velocities and sigmas, and a reference, without an IMU.
+    """A recorded drive, walk or flight without an IMU: fixes, optional velocities and sigmas, and a reference.
 
     The folder has three files:
 
-    - ``fixes.parquet``: t_s [s]; e_m, n_m, u_m [m], ENU; optionally sd_e_m, sd_n_m, sd_u_m [m] and ve_mps, vn_mps,
-      vu_mps;
-    - ``reference.parquet``: t_s, e_m, n_m, u_m on the same clock;
-    - ``meta.json``, in which all entries are optional: group and name (the name in tables), receiver, reference (the
-      source of the reference), independent (whether the reference is independent of the fixes), origin (latitude [deg],
-      longitude [deg], height [m]), clock_shift_s.
+    - ``fixes.parquet`` has the columns t_s [s] and e_m, n_m, u_m (ENU) [m], and optionally the standard deviations
+      sd_e_m, sd_n_m, sd_u_m [m] and the velocity ve_mps, vn_mps, vu_mps [m/s].
+    - ``reference.parquet`` has the columns t_s, e_m, n_m, u_m, with t_s on the same clock as the fixes.
+    - ``meta.json`` has only optional entries: group and name (which form the name of the recording), receiver (the name
+      of the receiver), reference (the source of the reference), independent (whether the reference is independent of
+      the fixes), origin (latitude [deg], longitude [deg], height [m]), and clock_shift_s (shift of the fixes' stamps
+      [s]).
 
-    A row whose stamp is not later than all previous stamps is dropped. For fixes without sigmas, the sigma depends on
-    the name of the receiver: 0.3 m for UWB, 5 m for a phone (Pixel, xiaomi), 3 m otherwise. The notes of the recording
-    state this sigma. With the disturbance `score_moving`, errors are scored once per second, and only in motion.
+    A row is dropped if its stamp is equal to or earlier than the stamp of a previous row. For fixes without sigmas, the
+    sigma depends on the name of the receiver: 0.3 m for UWB, 5 m for a phone (Pixel, xiaomi), 3 m otherwise. The notes
+    of the recording state the assumed sigma. With the disturbance `score_moving`, errors are scored once per second,
+    and only in motion.
 
     Attributes:
         folder: folder of the three files.
-        position_sigma_m: standard deviation of each axis of fixes without sigmas [m], or 0 for the values above.
+        position_sigma_m: standard deviation of each axis of fixes without sigmas [m], or 0 for a value that depends on
+            the name of the receiver.
         velocity_sigma_mps: standard deviation of each axis of the velocity [m/s].
         clock_shift_s: time shift that is added to the stamps of fixes and velocities [s], or null for the value in
             meta.json (0 by default).
@@ -115,7 +118,7 @@ def _diagonal(variance: FloatArray) -> FloatArray:
 
 
 def _rows(path: Path) -> pd.DataFrame:
-    """Return the rows of a file, without rows whose stamp is not later than all previous stamps."""
+    """Return the rows of a file, without rows whose stamp is equal to or earlier than a previous stamp."""
     columns = read_columns((path,), TextFormat())
     if not len(columns):
         raise RecordingError(f"{path} has no rows; write one row for each fix.")

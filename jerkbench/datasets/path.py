@@ -18,7 +18,7 @@ from jerkbench.simulation.sensors import Sensors
 from jerkbench.simulation.truth import Truth, draw_vibration
 
 STILL_MPS = 0.01
-"""Maximum speed at rest at the start of a table."""
+"""Maximum speed at which the vehicle counts as stationary at the start of a trajectory [m/s]."""
 
 
 @register("dataset", "path")
@@ -26,27 +26,28 @@ STILL_MPS = 0.01
 class DrivenPath(Sensors):
     """A simulated vehicle that drives a given path: waypoints, or a recorded trajectory.
 
-    The path of waypoints is a cubic spline r(u) through the waypoints, where u is the sum of the straight distances.
-    The vehicle is stationary, accelerates to its speed, and decelerates to stop at the last waypoint (quintic
-    smoothsteps).
+    The path of waypoints is a cubic spline r(u) through the waypoints, where u is the sum of the straight distances
+    between successive waypoints. The vehicle is first stationary, then accelerates to its speed, and decelerates to
+    stop at the last waypoint. The speed changes are quintic smoothsteps.
 
     A trajectory is a CSV file with lines t, east, north, up [s, m] and an optional header. A cubic spline over time
     interpolates the positions of the file, or smooths them if ``smoothing_m`` is positive. The first time in the file
-    becomes 0. A trajectory makes it possible to simulate a real drive with known noise.
+    becomes t = 0. A trajectory makes it possible to simulate a real drive with known noise.
 
-    The vehicle points along its path: yaw = atan2(v_n, v_e), pitch = -atan(climb), roll = 0. The vehicle never drives
-    backwards. If a trajectory is slower than ``course_min_speed_mps``, yaw and pitch are interpolated linearly.
-    Vibration is part of the true motion, as in `field`, and grows from the first movement on. No terrain is added to
-    the path. The equations and parameters of the sensors below are common to all simulated vehicles.
+    The vehicle points along its path: yaw = atan2(v_n, v_e), pitch = -atan(slope of the path), roll = 0. The vehicle
+    never drives backwards. While a trajectory is slower than ``course_min_speed_mps``, yaw and pitch are interpolated
+    linearly. Vibration is part of the true motion, as in `field`, and its amplitude grows from the first movement on.
+    No terrain is added to the path. All simulated vehicles have the same equations and parameters of the sensors, which
+    are described below.
 
     Attributes:
-        waypoints_m: east, north (or east, north, up) of each waypoint [m]. Waypoints are ignored with a ``file``.
+        waypoints_m: east, north (or east, north, up) of each waypoint [m], ignored if ``file`` is not empty.
         file: path of the CSV file, relative to the working directory, or empty for a path of waypoints.
         stand_s: duration for which the vehicle is stationary at the start of a path of waypoints [s].
-        ramp_s: time in which the vehicle reaches its speed (waypoints) and the vibration reaches its amplitude [s].
+        ramp_s: time in which a vehicle on waypoints reaches its speed, and in which the vibration reaches its rms [s].
         speed_mps: speed along the waypoints [m/s].
         smoothing_m: standard deviation of the positions in the file on each axis [m], or 0 if they are exact.
-        course_min_speed_mps: horizontal speed above which a trajectory has a course [m/s].
+        course_min_speed_mps: horizontal speed above which yaw and pitch follow the direction of the trajectory [m/s].
         vibration_mps2: rms of the vertical vibration [m/s2]. The vibration east and north is 0.7 times as large.
         vibration_rad: rms of the vibration of roll, of pitch and of yaw [rad].
     """
@@ -75,8 +76,8 @@ class DrivenPath(Sensors):
         """Return the recording of the simulated drive, with the noise of ``seed``.
 
         Raises:
-            PluginError: the waypoints are too close for the ramps.
-            RecordingError: the file is missing or damaged, or it contains no drive.
+            PluginError: the path of the waypoints is too short to accelerate and to decelerate within ``ramp_s``.
+            RecordingError: the file is missing or damaged, or the trajectory is too short or too slow.
         """
         truth, rest_s = self.truth(seed)
         return self.record(Path(self.file).stem if self.file else "path", truth, seed, rest_s)

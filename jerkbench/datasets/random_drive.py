@@ -32,9 +32,9 @@ def _times(random: np.random.Generator, count: float, begin: float, end: float) 
 def _windows(
     random: np.random.Generator, low: float, high: float, shortest: float, longest: float, begin: float, end: float
 ) -> tuple[tuple[float, float], ...]:
-    """Draw windows whose number and lengths are uniformly distributed.
+    """Draw time windows whose number and lengths are uniformly distributed.
 
-    The remaining time is divided at random into the gaps between the windows.
+    The time outside the windows is divided at random into the gaps between the windows.
     """
     count = int(random.integers(int(low), int(high), endpoint=True))
     lengths = random.uniform(shortest, longest, count)
@@ -76,9 +76,10 @@ class ParameterDistribution(NamedTuple):
 
     Attributes:
         parameter: name of the parameter.
-        sampler: function that returns a value, from a random generator (or the value of ``other``) and ``arguments``.
+        sampler: function that returns a value of the parameter. The function is called with a random generator (or with
+            the value of ``other``) and with ``arguments``.
         arguments: numbers or strings that are passed to the sampler.
-        other: name of the parameter from which the value is computed, or empty for a random value.
+        other: name of another parameter from which the value is computed, or empty for a random value.
     """
 
     parameter: str
@@ -87,13 +88,13 @@ class ParameterDistribution(NamedTuple):
     other: str = ""
 
     def draw(self, random: np.random.Generator, drawn: Mapping[str, Any]) -> Any:  # noqa: ANN401 - as the parameter
-        """Return a value of the parameter. ``drawn`` contains the values of the previous parameters."""
+        """Return a value of the parameter. ``drawn`` contains the values of the parameters that were drawn before."""
         return self.sampler(drawn[self.other] if self.other else random, *self.arguments)
 
 
 @cache
 def parse_distribution(text: str) -> ParameterDistribution:
-    """Parse ``parameter ~ distribution``, or ``parameter = other * factor ...`` with a previous parameter ``other``.
+    """Parse ``parameter ~ distribution`` or ``parameter = other * factor ...`` with the name of a previous parameter.
 
     Raises:
         PluginError: the distribution is unknown, or its numbers are invalid.
@@ -146,25 +147,27 @@ class RandomDrive:
         times_s ~ times 2 in 15 to 145          windows_s ~ windows 1 to 3 of 2 to 10 in 15 to 145
         duration_s ~ always 60                  gyro_radps = accel_mps2 * 0.025         (of one that is drawn before)
 
-    Windows are uniform in number, length and position, and do not overlap. The unit of a parameter is at the end of its
-    name.
+    The number, the lengths and the positions of time windows are uniformly distributed, and windows do not overlap. The
+    unit of a parameter is at the end of the parameter's name.
 
     A drive has 0, 1, 2 ... faults with the probabilities ``fault_shares``. The kinds of the faults are drawn without
-    replacement, with equal probabilities. The faults act in the order in which they are listed. The preset `mixture`
-    has the distributions of the audit.
+    replacement, with equal probabilities. The faults are applied in the order of ``faults``. The preset `mixture` has
+    the distributions that `jerkbench audit` uses.
 
-    Each parameter has a separate random stream. The drawn data set and disturbances, with the drawn parameters and the
-    same seed, give an identical drive. Each row of a study contains the drawn values, in columns whose names start with
-    ``drawn.``. A number is stored unchanged, a string is stored as ``drawn.trace.pixel4 = 1``, and a tuple has one
-    column for each index. The kinds of faults are stored as ``drawn.fault.outliers = 1``, and the number of faults as
-    ``drawn.faults``.
+    Each parameter has a separate random stream. A drive can be repeated: the drawn data set and the drawn disturbances,
+    with the drawn parameters and the same seed, give an identical drive. Each row of a study contains the drawn values,
+    in columns whose names start with ``drawn.``. A drawn number is stored unchanged. A drawn string is stored in a
+    column with its name, for example ``drawn.trace.pixel4 = 1``. A drawn tuple has one column for each index. Each kind
+    of fault of the drive is stored in a column with its name, for example ``drawn.fault.outliers = 1``. The column
+    ``drawn.faults`` contains the number of faults.
 
     Attributes:
         bases: names of simulated data sets, one of which is drawn for each drive.
         drive: distributions of the parameters of the data set.
         fault_shares: probabilities of 0, 1, 2 ... faults [-].
-        faults: for each kind of fault, the name of a disturbance, or of a boolean parameter of the data set
-            (``ruts``), and the distributions of the parameters of the fault.
+        faults: one tuple for each kind of fault. The first element is the name of a disturbance or of a boolean
+            parameter of the data set (for example ``ruts``). The other elements are the distributions of the parameters
+            of the fault.
     """
 
     seeded: ClassVar[bool] = True

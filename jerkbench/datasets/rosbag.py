@@ -15,25 +15,28 @@ from jerkbench.plugins import register
 @register("dataset", "rosbag")
 @dataclass(frozen=True)
 class RosBag(BagDataset):
-    """Any ROS 1 or ROS 2 bag with an IMU and positions, by a map from topics to their roles.
+    """A ROS 1 or ROS 2 bag with an IMU and positions, whose topics are guessed or given by parameters.
 
-    Topics that are not specified are guessed. The guessed IMU measures gravity and has the most messages. The guessed
-    NavSatFix has fixes. The guessed velocity is the twist with covariance or the odometry with the most messages. The
-    notes of the recording list the guessed topics. The topics of heading and reference are never guessed. The supported
-    types are Imu, NavSatFix, Odometry, Pose(WithCovariance)Stamped, Twist(WithCovariance)Stamped and Vector3Stamped.
+    Topics that are not specified are guessed. The guessed IMU topic measures gravity and has more messages than other
+    such topics. The guessed position topic has the type NavSatFix and contains valid fixes. The guessed velocity topic
+    is the twist with covariance that has the most messages, or the odometry with the most messages if such a twist does
+    not exist. The notes of the recording list the guessed topics. The topics of heading and reference are never
+    guessed. The supported types are Imu, NavSatFix, Odometry, Pose(WithCovariance)Stamped, Twist(WithCovariance)Stamped
+    and Vector3Stamped.
 
     Attributes:
         imu_topic: topic of angular rate and specific force, or empty to guess the topic.
-        position_topic: topic of fixes, or of poses in ``position_frame``, or empty to guess the topic, or "none".
-        velocity_topic: topic of velocities in ``velocity_frame``, or empty to guess the topic, or "none".
+        position_topic: topic of fixes, or of poses in ``position_frame``; empty to guess the topic, "none" for no
+            positions.
+        velocity_topic: topic of velocities in ``velocity_frame``; empty to guess the topic, "none" for no velocities.
         heading_topic: topic of orientations, of which only the yaw is used, or empty for no heading. The orientations
             of an IMU must be in ENU, and the orientations of an odometry must be in the frame of its poses.
         reference_topic: topic of the reference, or empty for no reference.
-        position_frame: frame of positions that are poses: auto (ECEF for positions on the Earth, otherwise ENU), ecef,
-            enu or ned (local or UTM, with FRD body axes).
-        velocity_frame: frame of the velocities: body (forward, left, up), frd, enu, ned, speed (of a wheel: only the x
-            axis, along the course) or course (all axes, along and across the course).
-        reference_frame: frame of reference positions that are poses: auto, ecef, enu or ned.
+        position_frame: frame of the positions in a topic of poses: auto (ECEF if the positions are on the Earth,
+            otherwise ENU), ecef, enu, or ned (local or UTM, with FRD body axes).
+        velocity_frame: frame of the velocities: body (forward, left, up), frd (forward, right, down), enu, ned, speed
+            (a wheel speed along the course: only the x axis is used) or course (along and across the course).
+        reference_frame: frame of the reference positions in a topic of poses: auto, ecef, enu or ned.
         heading_source: sensor that measured the headings: odometry or dual_antenna.
         reference_source: source of the reference as a phrase, or empty to use the name of the topic.
         reference_independent: whether the reference is independent of the measurements.
@@ -80,7 +83,7 @@ class RosBag(BagDataset):
 # The topics of the driver of a Fixposition Vision-RTK 2, versions 4 to 8.
 
 ODOMETRIES = ("odometry_ecef", "odometry")
-"""Last part of the name of the topic with the fusion in ECEF, for drivers from 6.2 on and for older drivers."""
+"""Last part of the name of the topic with the fusion in ECEF: for drivers from 6.2 on, and for older drivers."""
 
 _IMUS = ("poiimu", "corrimu", "rawimu")
 FUSED_FIX = "navsatfix"
@@ -98,7 +101,7 @@ def find_odometry(bag: Bag, namespace: str) -> Topic:
     odometries = [topic for last in ODOMETRIES for topic in found if topic.name.rsplit("/", 1)[-1] == last]
     for topic in odometries:
         position = bag.read({topic.name: ("position",)})[topic.name]["position"]
-        if is_ecef(position[np.abs(position).max(axis=1) > 0]):  # the fusion starts with zeros
+        if is_ecef(position[np.abs(position).max(axis=1) > 0]):  # before the first solution, the fusion publishes zeros
             return topic
     listing = ", ".join(f"{topic.name} ({topic.msgtype})" for topic in bag.topics)
     reason = f"no nav_msgs/Odometry ends in {' or '.join(ODOMETRIES)}"
@@ -111,7 +114,7 @@ def find_odometry(bag: Bag, namespace: str) -> Topic:
 
 
 def plan_topics(bag: Bag, namespace: str, imu: str, gnss: str, *, velocity: bool, heading: bool) -> TopicPlan:
-    """Return the topic of each role, with notes about the version of the driver.
+    """Return the topics of IMU, position, velocity, heading and reference, with notes about the version of the driver.
 
     Raises:
         RecordingError: the topic of the odometry, of the IMU or of the positions is missing.
@@ -163,16 +166,15 @@ class Fixposition(BagDataset):
         poiimu                      bias-corrected specific force and angular rate at the point of interest
         gnss1                       fixes of antenna 1; drivers before 6.1 have navsatfix of the fusion instead
 
-    The fusion uses the same antennas and the same IMU, and also cameras. The fusion is **not an independent
-    reference**, and the velocities are also from the fusion. Fixes state their covariance in the order north, east, up.
-    Drivers 6.1.0 and 6.1.1 never set the stamps of fixes. These stamps are replaced by the recording time minus a
-    median delay.
+    The sensor's fusion uses the same antennas and the same IMU as the measurements, and also cameras. The fusion is
+    **not an independent reference**, and the velocities also come from the fusion. Fixes state their covariance in the
+    order north, east, up. Drivers 6.1.0 and 6.1.1 never set the stamps of fixes. For these drivers, the stamp of a fix
+    is the recording time minus a median delay.
 
     Source: the driver's public code and documentation (github.com/fixposition/fixposition_driver).
 
     Attributes:
-        namespace: namespace of the topics, or empty to find the namespace automatically, which requires that only one
-            namespace has such topics.
+        namespace: namespace of the topics, or empty for the namespace of the first odometry in ECEF.
         imu: last part of the name of the IMU's topic: poiimu, corrimu or rawimu.
         gnss: last part of the name of the topic of fixes: gnss1 or gnss2.
         velocity: source of the velocities: odometry or none.

@@ -1,4 +1,4 @@
-"""The data set of a real drive, from a solution of RTKLIB and the log of an IMU."""
+"""The data set `rtklib`: a real drive, which is read from a solution of RTKLIB and the log of an IMU."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,17 +40,17 @@ from jerkbench.recording import Origin, Position, Recording, Reference, Velocity
 class RtklibDrive(FromFiles):
     """A real drive from an RTKLIB solution (any .pos) and an IMU's log.
 
-    The log has the columns ax, ay, az, gx, gy, gz, ms, without a header. The time tag (.tag) of the log sets its clock.
-    The data set ``table`` reads a solution with any other table of an IMU (``position_file`` and ``velocity_file`` that
-    end in .pos).
+    The IMU log has the columns ax, ay, az, gx, gy, gz, ms, without a header. The time tag (a file that ends in .tag)
+    contains the start time and the duration of the IMU log. For an IMU log in another format, use the data set
+    ``table`` with a ``position_file`` and a ``velocity_file`` that end in .pos.
 
     The defaults are for the public drive ``data/drive_0708`` of github.com/rtklibexplorer/GNSS_IMU (BSD-3), a car drive
-    of 549 s and 4 km. The mounting and the latencies were measured on this drive and are not valid for other drives.
-    For another drive, use measured values or zeros.
+    of 549 s and 4 km. The mounting and the latencies were measured on the public drive and are not valid for other
+    drives. For another drive, set the mounting and the latencies to measured values or to zero.
 
-    Time 0 is the time of validity of the first IMU sample. The receiver of the public drive started 3.4 s before
-    the IMU. The earlier fixes have negative times, and the filters start with the first fix that the IMU covers. The
-    time of each measurement is the time at which it was valid::
+    Time 0 is the time of validity of the first IMU sample. The receiver of the public drive started 3.4 s before the
+    IMU. Fixes before the first IMU sample have negative times. The filters start with the first fix after the start of
+    the IMU. Each measurement is assigned to the time at which it was valid::
 
         IMU       start + (ms - ms[0]) total / (ms[-1] - ms[0]) + imu_shift      start, total: the time tag's
         position  stamp
@@ -61,8 +61,8 @@ class RtklibDrive(FromFiles):
         f_body = (Rz(yaw) Ry(pitch))' diag(signs) A f_sensor, A from imu_axes    and the same for the gyro
 
     Two percent of the IMU rows of the public drive repeat the previous row, because the logger is slightly faster than
-    the sensor. Repeated rows are not dropped, because each value is valid until the next value. Without these rows, the
-    sample after each gap would represent 20 ms.
+    the sensor. Repeated IMU rows are not dropped, because each value is valid until the next value. Without the
+    repeated rows, the sample after each dropped row would represent an interval of 20 ms.
 
     Source: RTKLIB manual, appendix B, "Positioning Solution File".
 
@@ -71,20 +71,21 @@ class RtklibDrive(FromFiles):
         position_file: name of the solution in the folder, or empty for the only file that ends in .pos.
         imu_file: name of the IMU log in the folder, or empty for the only file that ends in .csv.
         tag_file: name of the time tag of the IMU log, or empty for the name of the IMU log with .tag appended.
-        imu_axes: axes of the sensor that become x, y and z: x, -x, y, -y, z or -z each.
+        imu_axes: the three sensor axes that become x, y and z. Each of them is x, -x, y, -y, z or -z.
         accel_unit: unit of the specific force in the log: g or m/s2.
         gyro_unit: unit of the angular rate in the log: deg/s or rad/s.
         imu_axis_signs: signs of x, y, z, applied after ``imu_axes``.
         mounting_yaw_deg: rotation from the body to the IMU about z [deg].
-        mounting_pitch_deg: rotation from the body to the IMU about y after the yaw, positive with the nose down [deg].
+        mounting_pitch_deg: rotation from the body to the IMU about y, after the yaw, positive with the nose down [deg].
         imu_shift_s: time shift that is added to the IMU's stamps [s].
-        velocity_latency_s: ages of the velocity at its stamp on the axes east, north and up [s].
+        velocity_latency_s: time from the validity of a velocity to its stamp, on the axes east, north and up [s].
         gpst_minus_utc_s: GPS time minus UTC, which is 18 s since 2017 [s].
-        accepted_quality: accepted values of Q (1 fixed, 2 float, 4 differential, 5 single). Other fixes are dropped.
+        accepted_quality: accepted values of the quality Q of a fix (1 fixed, 2 float, 4 differential, 5 single). Fixes
+            with another quality are dropped.
         rest_s: duration of the rest from time 0 on [s], or null to detect the rest in the velocity of the receiver.
-        remove_gyro_bias: whether to subtract the mean angular rate of the standstill.
+        remove_gyro_bias: whether to subtract the mean angular rate over the rest from the gyro.
         scale_accel_to_gravity: whether to scale the accelerometer so that its mean over the rest is 9.81 m/s2.
-        min_speed_mps: minimum speed over ground of the receiver at which errors are scored [m/s], or 0 for all errors.
+        min_speed_mps: minimum ground speed of the receiver at which errors are scored [m/s], or 0 to score all errors.
     """
 
     folder: str = ""
@@ -172,7 +173,7 @@ class RtklibDrive(FromFiles):
 
 
 def _ground_speed(columns: Columns, position: Position) -> FloatArray:
-    """Return the speed over ground (m,) from the velocities of the solution, or otherwise from its fixes."""
+    """Return the speed over ground (m,), from the velocities of the solution or, if it has none, from its fixes."""
     if columns.has(POS_VELOCITY):
         return np.asarray(np.hypot(*columns.numbers(POS_VELOCITY[:2]).T))
     if len(position.t_s) < 2:
@@ -217,7 +218,7 @@ _FITTED = {
 
 
 def _fitted_notes(drive: object) -> tuple[str, ...]:
-    """Return a note that lists the parameters with the default values, which were fitted on the public test drive."""
+    """Return a note that lists the parameters with defaults, because the defaults were fitted on the public drive."""
     defaults = type(drive)
     fitted = [
         subject for subject, names in _FITTED.items() if any(getattr(drive, n) == getattr(defaults, n) for n in names)

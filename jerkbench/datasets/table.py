@@ -1,6 +1,6 @@
 """The data set `table`: any recording in tables (CSV, text, Parquet or MATLAB), with a map from columns to fields.
 
-`Tables.load` reads the streams of the recording from columns of a table or from an RTKLIB solution (.pos).
+`Tables.load` reads IMU, fixes, velocities and reference from columns of tables or from an RTKLIB solution (.pos).
 """
 
 from dataclasses import dataclass, replace
@@ -64,27 +64,27 @@ class Tables(FromFiles, TimedColumns):
 
     A parameter selects a column by its name in the header or by its number from 1. A parameter selects a file by its
     name, or several files by a pattern (``data/*.txt``), in the order of their names. Time 0 is the time of the first
-    IMU sample, or of the first fix if there is no IMU. The shift of a stream is added to its stamps, so values that are
-    0.1 s old need the shift -0.1. An empty cell of a position or velocity is an axis that was not measured. A row in
-    which all columns of a stream are empty does not belong to this stream, so that one file may contain several
-    streams. A file of positions, velocities or the reference whose name ends in .pos is a solution of RTKLIB, whose
-    columns and covariances are known.
+    IMU sample, or of the first fix if there is no IMU. A time shift (``imu_shift_s``, ``position_shift_s``, ...) is
+    added to the stamps: if a value is 0.1 s old at its stamp, the shift must be -0.1 s. An empty cell of a position or
+    velocity is an axis that was not measured. One file may contain several streams (IMU, fixes, velocities, reference):
+    a row in which all columns of a stream are empty does not belong to this stream. A file of fixes, velocities or the
+    reference whose name ends in .pos is read as a solution of RTKLIB, so its columns need not be specified.
 
-    Rows with a position that is not on Earth, or with a date that is not between 1980 and 2100, are dropped and
-    counted. If all stamps are before 1980, they are times since an unknown start. Fixes that leap are dropped
-    (``drop_leaps``). A latitude and longitude without a height are a horizontal fix, which is converted with an
-    interpolated height.
+    Rows with a position that is not on Earth, or with a date before 1980 or after 2100, are dropped and counted. If all
+    stamps are before 1980, they are interpreted as times since an unknown start. Fixes that leap (are far from
+    neighbouring fixes) are dropped if ``drop_leaps`` is true. A row with latitude and longitude but without a height is
+    a horizontal fix. A horizontal fix is converted to ENU with a height that is interpolated between other fixes.
 
     In a .mat file (version 5 to 7.3), the columns of a matrix ``acc`` are acc_1, acc_2, acc_3, and a field ``t`` of a
-    structure ``imu`` is imu.t. Variables in a .mat file may have different lengths. The first and the last row are
-    dropped if they are truncated.
+    structure ``imu`` is imu.t. Variables in a .mat file may have different lengths. The first and the last row of a
+    file are dropped if they are truncated.
 
-    The body axes are FLU, and ``imu_axes`` defines them by axes of the sensor. The frames of positions are enu and ned
-    (local), geodetic and ecef. The origin of ENU is ``origin``. If ``origin`` is empty, the origin of ENU is the first
-    complete fix that does not leap, or the first position of the reference. The zero of local positions is the origin.
-    If only the fixes or only the reference are local, ``origin`` is required. Without a position file, only the filter
-    attitude_only runs. Without an IMU, only filters without acceleration (constant_velocity, acceleration, gnss_only)
-    run.
+    The body axes are FLU (forward, left, up). The parameter ``imu_axes`` states which sensor axis is along each body
+    axis. The frames of positions are enu and ned (local), geodetic and ecef. The origin of ENU is ``origin``. If
+    ``origin`` is empty, the origin of ENU is the first complete fix that does not leap, or the first position of the
+    reference. Local positions are relative to the origin. If either the fixes or the reference, but not both, are in a
+    local frame, ``origin`` is required. Without a position file, only the filter attitude_only runs. Without an IMU,
+    only filters that do not use IMU samples (constant_velocity, acceleration, gnss_only) run.
 
     Presets with an IMU are kitti, euroc, tum, nclt, urbannav, ppc. Presets without an IMU are tokyo_1105, hamburg,
     pixel4, taroz, ppc_fixes, uwb_outdoor.
@@ -97,36 +97,41 @@ class Tables(FromFiles, TimedColumns):
         gyro_file: separate file of the gyro, or empty if `imu_file` has the angular rates. The angular rates of a
             separate file are interpolated to the stamps of the accelerometer.
         gyro_time: column of the times of the gyro.
-        imu_increments: whether the columns are increments (of velocity and angle) over the interval that ends at each
-            stamp, as in files of KF-GINS and of some INS.
+        imu_increments: whether the IMU columns are increments of velocity and angle over the interval that ends at each
+            stamp, as in files of KF-GINS and of some INS, instead of specific force and angular rate.
         imu_instance_column: column with the number of the sensor, if the file has rows of several sensors.
-        imu_instance: number of the sensor whose rows are used.
+        imu_instance: number of the sensor whose rows are used, if imu_instance_column is not empty.
         accel_unit: unit of the specific force: g or m/s2.
         gyro_unit: unit of the angular rate: deg/s or rad/s.
         imu_axes: the sensor axis along each body axis x (forward), y (left) and z (up): x, -x, y, -y, z or -z.
         imu_shift_s: time shift that is added to the stamps of the IMU [s].
         static_start_s: duration of the rest at the start of the recording [s], or 0 for no rest.
-        remove_gyro_bias: whether to subtract the mean angular rate of the standstill at the start.
+        remove_gyro_bias: whether to subtract the gyro's mean over the rest at the start (``static_start_s``).
         position_file: file of the fixes, or empty for a recording without fixes.
         position_time: column of the times of the fixes.
         position_time_unit: unit of the times of the fixes: s, ms, us or ns, or empty for time_unit.
-        position_quality: accepted values of ``position_quality_column``, or of Q in a .pos file (1 fixed, 2 float, 4
-            differential, 5 single; also for its velocities), or empty to accept all values.
+        position_quality: accepted values of ``position_quality_column``, or of the quality Q in a .pos file (1 fixed, 2
+            float, 4 differential, 5 single), or empty to accept all values. In a .pos file, velocities are selected by
+            the same values of Q.
         position_quality_column: column of the quality of each fix, for ``position_quality``.
         position_columns: the three columns of a position, in the order of its frame (latitude, longitude, height).
         position_frame: frame of the fixes: enu, ned, geodetic or ecef.
-        position_sigma: columns of standard deviations [m]: one for all axes, three, or RTKLIB's six (11, 22, 33, 12,
-            23, 31: square roots of |c| with the sign of the covariance c), or empty to use position_covariance.
-        position_covariance: columns of variances and covariances [m2]: one for all axes, three, six (11, 22, 33, 12,
-            13, 23), or nine, row by row, or empty to use position_sigma_m.
+        position_sigma: columns of standard deviations [m]: one column for all axes, one column for each axis, or six
+            columns as in RTKLIB (11, 22, 33, 12, 23, 31: the square root of |c| with the sign of the covariance c). If
+            empty, position_covariance is used.
+        position_covariance: columns of variances and covariances [m2]: one column for all axes, one column for each
+            axis, six columns (11, 22, 33, 12, 13, 23), or nine columns (the matrix row by row). If empty,
+            position_sigma_m is used.
         position_covariance_frame: frame of position_sigma and position_covariance: enu, ned or ecef.
-        position_sigma_scale: factor on position_sigma. For a DOP, the factor is the standard deviation of a range [m].
+        position_sigma_scale: factor on position_sigma. If the columns contain a DOP, the factor is the standard
+            deviation of a range measurement [m].
         position_sigma_m: standard deviation of each axis of fixes without columns of sigmas or covariances [m].
         position_shift_s: time shift that is added to the stamps of the fixes [s].
         angle_unit: unit of latitude and longitude: deg, rad, 1e-7 deg (integers of receivers) or ddmm (degrees and
             minutes as in NMEA, ddmm.mmmm).
         height_unit: unit of the height of geodetic positions: m, cm, mm or ft.
-        origin: latitude [deg], longitude [deg] and height [m] of the origin of ENU and of local frames, or empty.
+        origin: latitude [deg], longitude [deg] and height [m] of the origin of ENU and of local frames, or empty to use
+            the first suitable position.
         velocity_file: file of the velocities, or empty for a recording without velocities.
         velocity_time: column of the times of the velocities.
         velocity_time_unit: unit of the times of the velocities: s, ms, us or ns, or empty for time_unit.
@@ -142,11 +147,11 @@ class Tables(FromFiles, TimedColumns):
         reference_file: file of the reference, or empty to use the fixes as the reference.
         reference_time: column of the times of the reference.
         reference_time_unit: unit of the times of the reference: s, ms, us or ns, or empty for time_unit.
-        reference_quality: accepted values of ``reference_quality_column``, or of Q in a .pos file, or empty to accept
-            all values.
+        reference_quality: accepted values of ``reference_quality_column``, or of the quality Q in a .pos file, or empty
+            to accept all values.
         reference_quality_column: column of the quality of each row of the reference, for ``reference_quality``.
         reference_offset_m: offset (east, north, up) that is added to the positions of the reference [m], for example if
-            the reference is of another antenna or base.
+            the reference was measured with another antenna or another base station.
         reference_position: three columns of the position, or empty for a reference without positions.
         reference_velocity: three columns of the velocity, in NED if reference_frame is ned, otherwise in ENU, or empty
             for a reference without velocities.
@@ -245,7 +250,7 @@ class Tables(FromFiles, TimedColumns):
 
     @property
     def without_imu(self) -> bool:
-        """True if the recording has no IMU, so that only filters without acceleration can run."""
+        """True if the recording has no IMU, so that only filters that do not use IMU samples can run."""
         return not self.imu_file
 
     def load(self, seed: int = 0) -> Recording:
@@ -308,7 +313,7 @@ class Tables(FromFiles, TimedColumns):
             )
 
     def _source(self, stream: str) -> Source:
-        """Return the file, and the columns for time and quality, of the stream position, velocity or reference."""
+        """Return the file and its columns of time and quality for ``stream`` (position, velocity or reference)."""
         file, time, shift_s, unit = (
             getattr(self, f"{stream}_{name}") for name in ("file", "time", "shift_s", "time_unit")
         )
@@ -335,7 +340,7 @@ class Tables(FromFiles, TimedColumns):
         return np.column_stack([np.interp(at_ns, t_ns, rate, left=np.nan, right=np.nan) for rate in rates.T])
 
     def _first_ns(self, samples: Columns | None) -> int:
-        """Return the stamp of time 0, which is the first IMU sample, or the first fix without an IMU."""
+        """Return the stamp of time 0: the stamp of the first IMU sample, or of the first fix without an IMU."""
         if samples is None:
             samples = self.read(self._source("position")).with_entries(self.position_columns)
         return int(samples.t_ns[0]) if len(samples.t_ns) else 0
@@ -432,7 +437,7 @@ class Tables(FromFiles, TimedColumns):
     def _placed(
         self, source: Source, names: tuple[str, ...], frame: str, stream: Columns | None = None
     ) -> tuple[Columns, FloatArray]:
-        """Return the rows with a position on the Earth that does not leap, and their positions with degrees."""
+        """Return the rows with a position on the Earth that does not leap, and their positions (angles in degrees)."""
         stream = self.read(source).with_entries(names) if stream is None else stream
         units = ("deg", "m") if source.solved else (self.angle_unit, self.height_unit)
         places = in_degrees(stream.numbers(names), frame, *units)

@@ -18,10 +18,10 @@ from jerkbench.recording import Imu, Position, Recording, Reference
 TRUTH, _ACCEL, _GYRO = "GroundTruthAGL.csv", "RawAccel.csv", "RawGyro.csv"
 FIRST_FIX_S, FIX_S = 7.009129, 0.03343357
 FIRST_TRUTH_S, TRUTH_S = 13.80, 0.0333667
-"""Times of the fix of image 1 and of the truth of image 0 on the IMU's clock, and the interval between images.
+"""Times of the fix of image 1 and of the truth of image 0 on the IMU's clock, and the intervals between images [s].
 
-They were found by comparing the fixes with the IMU and the truth with the fixes, because the published pairing of
-images and fixes is wrong by seconds.
+These times were found by comparing the fixes with the IMU and the truth with the fixes, because the published pairing
+of images and fixes is wrong by seconds.
 """
 
 FRD = ("x", "-y", "-z")
@@ -35,10 +35,10 @@ _NOTES = (
 @register("dataset", "zurich_mav")
 @dataclass(frozen=True)
 class ZurichMav(FromFiles):
-    """A quadrotor between houses, 720 s: fixes 1 Hz, IMU 10 Hz with gaps up to 1.1 s; truth from photogrammetry.
+    """A quadrotor flight of 720 s between houses: 1 Hz fixes, a 10 Hz IMU with gaps up to 1.1 s, photogrammetric truth.
 
-    Each row of the truth belongs to an image with the number k (1, 31, 61, ...). The fix in the same row has another
-    time. On the clock of the IMU, the times are::
+    Each row of the ground truth belongs to the image with the number k (1, 31, 61, ...). The fix and the truth in a row
+    have different times. On the clock of the IMU, the times of row k are::
 
         fix     7.009129 + (k - 1) 0.03343357 s
         truth   13.80 + k 0.0333667 s, +- 0.15 s
@@ -51,8 +51,8 @@ class ZurichMav(FromFiles):
 
     Attributes:
         folder: folder of GroundTruthAGL.csv, RawAccel.csv and RawGyro.csv.
-        position_sigma_m: standard deviation of each axis of the fixes [m]. The default is the value that the receiver
-            states.
+        position_sigma_m: standard deviation of each axis of the fixes [m]. The default sigma is the value that the
+            receiver states.
         gyro_bias_radps: bias that is subtracted from the gyro, in the axes of the gyro [rad/s].
     """
 

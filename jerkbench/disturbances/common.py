@@ -19,7 +19,7 @@ CORRELATION_TIME = Limit(lambda time: 0 < time < np.inf, "a correlation time mus
 
 
 class Unphased(Limited):
-    """Base class of disturbances without phases. The seed changes only the random numbers of a disturbance."""
+    """Base class of disturbances without phases. The seed determines only the random numbers of the disturbance."""
 
     seeded: ClassVar[bool] = False
 
@@ -28,12 +28,12 @@ class Unphased(Limited):
         return 1
 
     def require_range(self, low: str, high: str, unit: str, *, above: bool = False) -> None:
-        """Check that the parameters named ``low`` and ``high`` are finite, at least 0 and in this order.
+        """Check that the values of the parameters named ``low`` and ``high`` are finite and satisfy 0 <= low <= high.
 
-        If ``above`` is true, the parameter ``low`` must be above 0.
+        If ``above`` is true, the value of the parameter ``low`` must be above 0.
 
         Raises:
-            PluginError: the values of the two parameters do not meet these conditions.
+            PluginError: the values of the parameters ``low`` and ``high`` are not a valid range.
         """
         minimum, maximum = getattr(self, low), getattr(self, high)
         if not (0 <= minimum <= maximum < np.inf and (minimum or not above)):
@@ -50,7 +50,7 @@ class DrawnFault(Unphased):
 
 
 class Phased(Limited):
-    """Base class of disturbances with n phases. Seed s uses the phase s mod n, unless ``phase`` is set."""
+    """Base class of disturbances with n variants (phases). If ``phase`` is None, seed s uses the phase s mod n."""
 
     seeded: ClassVar[bool] = False
     cycle: ClassVar[str] = "every"
@@ -78,7 +78,7 @@ class Phased(Limited):
 class NoDisturbance(Unphased):
     """Does not change the recording.
 
-    The unchanged recording is the nominal case, with which all disturbances are compared.
+    The unchanged recording is the nominal case for comparisons with other disturbances.
     """
 
     def apply(self, recording: Recording, seed: int) -> Recording:
@@ -87,7 +87,7 @@ class NoDisturbance(Unphased):
 
 
 def fault_stream(seed: int, disturbance: str, label: str, *parts: str) -> np.random.Generator:
-    """Return the random number generator of a disturbance. Different labels give independent random numbers."""
+    """Return the random number generator of a disturbance. Different values of ``label`` give independent numbers."""
     named = (label,) if label else ()
     return stream(seed, "disturbance", disturbance, *named, *parts)
 
@@ -96,7 +96,7 @@ AnyStream = TypeVar("AnyStream", Position, Velocity, Heading, Reference)
 
 
 def rows_of(stream: AnyStream, selected: BoolArray, **changes: Any) -> AnyStream:  # noqa: ANN401 - fields of the stream
-    """Return ``stream`` with only the rows where ``selected`` is true. The ``changes`` replace complete fields."""
+    """Return the rows of ``stream`` where ``selected`` is true. ``changes`` are new values of complete fields."""
     values = {f.name: getattr(stream, f.name) for f in fields(stream)}
     arrays = {name: value[selected] for name, value in values.items() if isinstance(value, np.ndarray)}
     return replace(stream, **(arrays | changes))
@@ -132,7 +132,7 @@ class RegularWindows(Unphased):
 
     Attributes:
         windows_s: start and end time of each window [s].
-        count: number of regular windows, which replace ``windows_s``; with 0, ``windows_s`` is used [-].
+        count: number of regular windows that are used instead of ``windows_s``, or 0 to use ``windows_s`` [-].
         length_s: length of each regular window [s].
         first_s: start of the first regular window [s].
         every_s: time between the starts of two regular windows [s].
@@ -207,5 +207,5 @@ def with_errors(
 
 
 def displaced(measured: FixesOrVelocity, offsets: FloatArray) -> FixesOrVelocity:
-    """Return the measurements with added offsets o (m, 3). Only the true covariance increases, by o o'."""
+    """Return the measurements with added offsets o (m, 3). Only the true covariance is increased, by o o'."""
     return with_errors(measured, offsets, offsets[:, :, None] * offsets[:, None, :])

@@ -68,11 +68,11 @@ class ImuVibration(DrawnFault):
 
         n(t) = sum_i a_i sin(2 pi f_i t) + b_i cos(2 pi f_i t),  a_i, b_i ~ N(0, sigma^2/64),  i = 1 ... 64
 
-    Each frequency f_i is random within one of 64 equal parts of the band. The sum is Gaussian noise with a flat
-    spectrum in the band. The noise is a function of time, so missing samples do not change the noise of other samples.
-    Frequencies above half the rate of the IMU are aliased, as in a sensor without an anti-aliasing filter. The true
-    motion of the vehicle does not contain this vibration. The data set `field` has parameters for a vibration of the
-    true motion.
+    Each frequency f_i is random within one of 64 equal parts of the band. The sum of the sines is Gaussian noise with a
+    flat spectrum in the band. The noise depends only on the time, so missing samples do not change the noise of other
+    samples. Frequencies above half the rate of the IMU are aliased, as in a sensor without an anti-aliasing filter. The
+    true motion of the vehicle does not contain this vibration. The data set `field` has parameters for a vibration of
+    the true motion.
 
     Attributes:
         accel_mps2: sigma, standard deviation of the noise of the accelerometer [m/s2].
@@ -113,9 +113,9 @@ class ImuVibration(DrawnFault):
 class Dropout(DrawnFault):
     """Removes single IMU samples or a few consecutive IMU samples.
 
-    At each sample, a gap starts with the given probability. The length of a gap is uniformly distributed from 1 to
-    ``longest`` samples. The first and the last sample of a recording are never removed. The interval of the first
-    sample after a gap starts at the last sample before the gap.
+    At each sample, a gap starts with the probability ``probability``. The length of a gap is uniformly distributed from
+    1 to ``longest`` samples. The first and the last sample of a recording are never removed. The first sample after a
+    gap represents the time since the last sample before the gap.
 
     Attributes:
         probability: probability that a gap starts at a sample, from 0 to 1 [-].
@@ -149,13 +149,14 @@ class Dropout(DrawnFault):
 class WheelSlip(RegularWindows):
     """Increases the velocity along the heading in the given windows, without a change of the reported covariance.
 
-    The slip s is relative to the speed along the heading, whose horizontal unit vector is h::
+    The velocity error o is the slip s times the velocity along the heading, whose horizontal unit vector is h::
 
         v' = v + o,  o = s (h'v) h;  R_true' = R_true + o o'
 
     For a velocity in the body frame and for a wheel speed, h is (1, 0, 0). For a velocity in ENU, h is computed from
-    the yaw of the reference at the nearest stamp. If the reference has no yaw, h is the course of the velocity. A row
-    in ENU without both horizontal components and a row in the body frame without the forward component do not change.
+    the yaw of the reference at the nearest stamp. If the reference has no yaw, h is the course of the velocity. A
+    velocity in ENU does not change if one of its horizontal components is missing. A velocity in the body frame does
+    not change if its forward component is missing.
 
     Attributes:
         slip: s, relative error of the speed; 0.3 means 30 % too fast, and -1 means a locked wheel [-].

@@ -145,7 +145,7 @@ class MultipathAllAxes(Bursts):
 @register("disturbance", "rtk_float")
 @dataclass(frozen=True)
 class RtkFloat(RegularWindows):
-    """RTK float instead of fixed solutions in the given windows: correlated errors with a correct covariance.
+    """Replaces RTK fixed by float solutions in the given windows: correlated errors with a correct covariance.
 
     In the windows, a stationary Gauss-Markov process b(t) is added to the fixes. The process has the standard deviation
     sigma = factor sigma_m and the correlation time T::
@@ -154,8 +154,8 @@ class RtkFloat(RegularWindows):
         R' = R + diag(sigma^2),  R_true' = R_true + diag(sigma^2)
 
     The reported covariance is correct for each single fix, but successive errors are correlated. A filter that models
-    the errors as white is therefore overconfident. The process is generated for the complete recording, so the values
-    of the process do not depend on the windows.
+    the errors as white is therefore overconfident. The process b(t) is generated for the complete recording, so its
+    values do not depend on the windows.
 
     Attributes:
         sigma_m: standard deviations of b in east, north and up, before multiplication by ``factor`` [m].
@@ -200,8 +200,8 @@ class RtkFloat(RegularWindows):
 class RtkFloatOverconfident(RtkFloat):
     """RTK float with the same errors as `rtk_float`, but with the reported covariance of a fixed solution (R' = R).
 
-    The disturbances `rtk_float` and `rtk_float_overconfident` use the same random stream. With the same seed, the
-    errors and the true covariance of both disturbances are the same, and only the reported covariance differs.
+    The disturbances `rtk_float` and `rtk_float_overconfident` use the same random stream. With the same seed, the two
+    disturbances have the same errors and the same true covariance, but different reported covariances.
     """
 
     honest: ClassVar[bool] = False

@@ -152,9 +152,9 @@ class HeavyTailed(ScaledNoise):
 
         noise ~ (1 - p) N(0, R) + p N(0, k^2 R)
 
-    Each position and each velocity is contaminated with the probability p, independently of the others. Noise with the
-    covariance (k^2 - 1) R is added to the contaminated measurements, also in real recordings. The true covariance of a
-    contaminated measurement is R_true' = R_true + (k^2 - 1) R.
+    Each position and each velocity is contaminated with the probability p, independently of all other measurements.
+    Noise with the covariance (k^2 - 1) R is added to the contaminated measurements, also in real recordings. The true
+    covariance of a contaminated measurement is R_true' = R_true + (k^2 - 1) R.
 
     Source: J. W. Tukey, "A survey of sampling from contaminated distributions", in I. Olkin et al. (eds.),
     Contributions to Probability and Statistics, Stanford University Press, 1960.

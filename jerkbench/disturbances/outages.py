@@ -49,7 +49,7 @@ class OutageWindows(RegularWindows):
 @register("disturbance", "gnss_outage")
 @dataclass(frozen=True)
 class GnssOutage(OutageWindows):
-    """Removes position and velocity in the given windows, but not a wheel speed and not the reference.
+    """Removes position fixes and velocities in the given windows, except a wheel speed; the reference does not change.
 
     A heading that is the course of the receiver is also removed. A heading from odometry is not removed.
 
@@ -78,10 +78,10 @@ class GnssOutage(OutageWindows):
 @register("disturbance", "position_outage")
 @dataclass(frozen=True)
 class PositionOutage(OutageWindows):
-    """Removes the position in the given windows, but not velocity, heading and reference.
+    """Removes the position fixes in the given windows; velocity, heading and reference do not change.
 
-    This outage shows the benefit of velocity aiding. With velocities, the position error grows with the integral of the
-    velocity error, and not with the double integral of the accelerometer error.
+    A position outage shows the benefit of velocity aiding: with velocities, the position error grows with the integral
+    of the velocity error, and not with the double integral of the accelerometer error.
     """
 
     def apply(self, recording: Recording, seed: int) -> Recording:
@@ -97,9 +97,9 @@ class PositionOutage(OutageWindows):
 @register("disturbance", "velocity_outage")
 @dataclass(frozen=True)
 class VelocityOutage(OutageWindows):
-    """Removes the velocity in the given windows, but not position, heading and reference.
+    """Removes the velocities in the given windows; position, heading and reference do not change.
 
-    The windows are outages of the recording, so the outage metrics show the accuracy without velocities.
+    The windows count as outages of the recording, so the outage metrics show the accuracy without velocities.
     """
 
     def apply(self, recording: Recording, seed: int) -> Recording:
@@ -125,12 +125,12 @@ class OutageSweep(Phased):
 
         start_kp = first_s + k every_s + p every_s/phases
 
-    Outages that do not end within the recording are omitted. Seed s uses the phase s mod phases. The outages of a run
-    do not overlap, and the runs with ``phases`` different seeds together have an outage every (every_s/phases) seconds.
-    The start times do not depend on ``length_s``. A sweep of the length
-    (``disturbance.outage_sweep.length_s=2,5,10,20,30``) shows the error as a function of the time without GNSS. Each
-    length is a row of the result table, and its error is the metric ``outage_end_m``. The experiment ``outage_sweep``
-    runs this sweep.
+    An outage that does not end within the recording is omitted. Seed s uses the phase s mod phases. The outages of a
+    run do not overlap, and the runs with ``phases`` different seeds together have an outage every (every_s/phases)
+    seconds. The start times do not depend on ``length_s``. A sweep of the length
+    (``disturbance.outage_sweep.length_s=2,5,10,20,30``) shows the error as a function of the time without GNSS. In the
+    result table of this sweep, each length has a row, and the metric ``outage_end_m`` shows the error at the end of an
+    outage. The experiment ``outage_sweep`` runs this sweep.
 
     Attributes:
         length_s: length of each outage [s].
@@ -178,13 +178,14 @@ class OutageSweep(Phased):
 class FalseReturn(OutageWindows):
     """GNSS outages that are followed by fixes with a constant offset for some time.
 
-    In each window, position and velocity are removed, but not a wheel speed. During the time ``false_s`` after each
-    window, the velocity is still removed, and the fixes have a horizontal offset o of length d in a random direction::
+    In each window, position fixes and velocities are removed, except a wheel speed. During the time ``false_s`` after
+    each window, the velocities are still removed, and the fixes have a horizontal offset o of length d in a random
+    direction::
 
         z' = z + o,  R_true' = R_true + o o',  R' = R
 
-    After this time, the measurements are correct again. A filter may follow the false fixes, reject all later fixes, or
-    recover. The metric `capture` distinguishes these three reactions of a filter.
+    After the false fixes, the measurements are correct again. The metric `capture` distinguishes three reactions of a
+    filter: the filter follows the false fixes, rejects all later fixes, or recovers.
 
     Attributes:
         offset_m: d, length of the offset of the false fixes [m].
@@ -249,24 +250,25 @@ class DecimatePosition(Phased):
 _SOURCE = "fixes of the same receiver, withheld from the filter"
 
 SAME_RATE = 0.1
-"""Maximum relative difference of the intervals of a velocity and of fixes of the same receiver."""
+"""Maximum relative difference of the median intervals of velocities and fixes that come from the same receiver."""
 
 
 @register("disturbance", "withhold")
 @dataclass(frozen=True)
 class Withhold(Phased):
-    """Gives every n-th GNSS epoch to the filter and uses the other epochs as the reference.
+    """Gives every n-th GNSS epoch to the filter and uses the withheld epochs as the reference.
 
     The filter receives epoch i = 0, 1, 2, ... if i mod n is equal to the phase. Seed s uses the phase s mod n. An
     independent reference, for example the truth of a simulation, is not replaced. The withheld fixes and the fixes of
-    the filter come from the same receiver, so errors that are common to both are not detected.
+    the filter come from the same receiver, so common errors of all fixes are not detected.
 
-    If a receiver derives its velocity from its positions, the velocity of a withheld epoch contains information about
-    the withheld position. Therefore, the velocity of a withheld epoch is also withheld. To assign velocities to epochs,
-    velocity rows with the same measured axes form a group. If the rate of a group is equal to the rate of the fixes,
-    row i of the group belongs to epoch i, because latencies change the times of the rows but not their order. If the
-    number of rows in such a group differs from the number of fixes, a row belongs to the first fix that is not before
-    the row. A group with another rate comes from another sensor, for example a wheel, and is not withheld.
+    The velocity of a withheld epoch is also withheld, because it contains information about the withheld position if
+    the receiver derives its velocity from its positions. To assign velocities to epochs, velocity rows with the same
+    measured axes form a group. If a group of velocity rows has the same rate as the fixes, row i of the group belongs
+    to epoch i. The order of the rows is used, because latencies change the times of the rows but not their order. If a
+    group with this rate does not have the same number of rows as there are fixes, a row belongs to the first fix that
+    is not before the row. A group of velocity rows with another rate comes from another sensor, for example a wheel,
+    and is not withheld.
 
     Attributes:
         every: n, the filter receives one of n epochs; at least 2 [epochs].
@@ -279,7 +281,7 @@ class Withhold(Phased):
     velocity: bool = True
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording with the GNSS epochs of one phase, and with the other epochs as the reference.
+        """Return the recording with the GNSS epochs of one phase, and with the withheld epochs as the reference.
 
         Raises:
             RecordingError: the recording has no position fixes.
@@ -320,7 +322,7 @@ def _same_rate(t_s: FloatArray, fixes_t_s: FloatArray) -> bool:
 def _reference(reference: Reference, position: Position, withheld: BoolArray) -> Reference:
     """Return the withheld fixes as the reference, or an independent reference without a change.
 
-    If the old reference has a row at each withheld stamp, these rows of the old reference are used.
+    If the old reference has a row at each withheld stamp, the rows of the old reference at these stamps are returned.
     """
     if reference.independent:
         return reference
@@ -345,19 +347,18 @@ SPEED_GAP_S = 1.5
 @register("disturbance", "score_moving")
 @dataclass(frozen=True)
 class ScoreMoving(Unphased):
-    """Scores errors only while the reference moves, with a maximum rate.
+    """Scores errors only while the reference moves, and at most at the rate ``rate_hz``.
 
     Without this disturbance, the errors of a vehicle that is often stationary mostly show the accuracy at rest. In
-    addition, a reference with 100 Hz has a hundred times the weight of a reference with 1 Hz. The horizontal speed of
-    the reference is |p(t + 0.5 s) - p(t - 0.5 s)|/1 s, where the position p is interpolated linearly. In gaps of the
-    reference of more than 1.5 s, errors are not scored. In each interval of length 1/``rate_hz``, only the first stamp
-    in motion is scored.
+    addition, a reference with 100 Hz has a hundred times as many scored errors as a reference with 1 Hz. The horizontal
+    speed of the reference is |p(t + 0.5 s) - p(t - 0.5 s)|/1 s, where the position p is interpolated linearly. In gaps
+    of the reference of more than 1.5 s, errors are not scored. In each interval of length 1/``rate_hz``, only the first
+    stamp in motion is scored.
 
     Attributes:
         rate_hz: maximum rate at which errors are scored [Hz].
         slowest_mps: minimum horizontal speed at which errors are scored [m/s].
-        fix_s: maximum time between a scored stamp and the nearest fix; with 0, errors in gaps of the fixes are scored
-            [s].
+        fix_s: maximum time between a scored stamp and the nearest fix [s], or 0 to score errors in gaps of fixes too.
     """
 
     rate_hz: Annotated[float, Limit(lambda rate: 0 < rate < np.inf, "it must be positive.")] = 1.0

@@ -1,4 +1,4 @@
-"""Disturbances with position errors that are not reported: outliers, spikes, false fixes, and a lever arm."""
+"""Disturbances with position errors that the reported covariance omits: outliers, false fixes, and a lever arm."""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -47,7 +47,7 @@ class Outliers(DrawnFault):
         smallest_m: minimum length of the offset o [m].
         largest_m: maximum length of the offset o [m].
         size_m: common length of all offsets, for parameter sweeps; if null, the lengths are random [m].
-        start_s: earliest time of an outlier, because a filter is initialised with the first fix [s].
+        start_s: earliest time of an outlier [s]. An outlier in the first fix would disturb the start of the filter.
         stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
@@ -133,7 +133,7 @@ class FalseFix(RegularWindows):
         z' = z + o,  R_true' = R_true + o o',  R' = R
 
     Attributes:
-        offset_m: d, length of the offset o; a sweep shows the smallest offset that a filter detects [m].
+        offset_m: d, length of the offset o [m]. A sweep shows the smallest offset that a filter detects.
         stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 

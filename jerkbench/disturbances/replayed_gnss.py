@@ -28,7 +28,7 @@ class Replayed(NamedTuple):
     """Recorded errors for the k retained fixes.
 
     Attributes:
-        fixes: (k,) row indices of the retained fixes. All other fixes are removed.
+        fixes: (k,) row indices of the retained fixes. The fixes that are not in ``fixes`` are removed.
         error_m: (k, 3) errors of the fixes in ENU [m].
         reported_m2: (k, 3, 3) covariance that is added to the reported covariance [m2].
         true_m2: (k, 3, 3) covariance that is added to the true covariance [m2].
@@ -47,21 +47,21 @@ class ReplayedGnss(DrawnFault):
 
     A trace contains the errors e_j (fix minus a more accurate reference) and the reported covariances R_j of a real
     drive. Jumps, false fixes, gaps and correlations of the real errors are preserved. The start time in the trace and
-    the rotation W about the vertical depend on the seed. A fix z uses the row j of the trace at its time, with the
-    scale s::
+    the rotation W about the vertical depend on the seed. A fix z uses the row j of the trace at the time of the fix.
+    The errors are multiplied by the scale s::
 
         z' = z + s W e_j
         R' = R + s^2 W R_j W'
         R_true' = R_true + s^2 W M_j W',   M_j = mean of e e' over ``moment_s`` around row j
 
     If an independent reference has a position at exactly the stamp of a fix (as in a simulation), this position
-    replaces z, and R and R_true are replaced by 0. Otherwise, the noise of the simulation would be added to the
-    recorded errors. M_j is the local second moment of the recorded errors. The matrix M_j serves as the true
-    covariance, because the true covariance of a recorded error is not known. The adaptation `oracle` uses this
+    replaces z, and R and R_true are replaced by 0. Without this replacement, the noise of the simulation would be added
+    to the recorded errors. M_j is the local second moment of the recorded errors. The matrix M_j serves as the true
+    covariance, because the true covariance of a recorded error is not known. The adaptation `oracle` uses the true
     covariance and not the recorded error.
 
-    Fixes in a gap of the trace are removed. Two fixes cannot use the same row, so a trace with 1 Hz gives fixes with at
-    most 1 Hz. After its end, the trace is repeated from its start. Velocities and headings do not change.
+    Fixes in a gap of the trace are removed. Two fixes cannot use the same row of the trace, so a trace with 1 Hz gives
+    fixes with at most 1 Hz. After its end, the trace is repeated from its start. Velocities and headings do not change.
 
     Attributes:
         trace: name of a trace, comma2k19 (open sky, 60 s), pixel4 (a phone) or tokyo_1105 (RTK in a city with high

@@ -21,8 +21,8 @@ class Latency(Unphased):
     """Delays the stamps of the measurements by an unknown latency d.
 
     A stamp t becomes t' = t + d. Measurements whose new stamp is after the end of the recording are removed. The
-    resulting position error is the motion during d, for example 15 cm for 1.5 m/s and 0.1 s. Neither the reported nor
-    the true covariance includes this error.
+    resulting position error is the distance that the vehicle moves during d, for example 15 cm for 1.5 m/s and 0.1 s.
+    Neither the reported nor the true covariance includes the error that the latency causes.
 
     Attributes:
         position_s: latency d of the position fixes [s].
@@ -59,8 +59,9 @@ class Jitter(DrawnFault):
 
     A stamp t_k becomes t_k' = t_k + e_k with e_k ~ N(0, sigma^2). The error e_k is limited to 0.45 times the interval
     to the neighbouring stamp, so that the stamps remain increasing. The first and the last stamp of the IMU do not
-    change. The stamp errors of position, velocity and heading are independent. The resulting error of a measurement
-    depends on the motion of the vehicle. Neither the reported nor the true covariance includes this error.
+    change. The stamp errors of position, velocity and heading are independent. The error of a measurement that results
+    from its stamp error depends on the motion of the vehicle. Neither the reported nor the true covariance includes the
+    error that results from a stamp error.
 
     Attributes:
         imu_s: standard deviation of the stamp errors of the IMU [s].

@@ -33,7 +33,8 @@ class CompiledEngine:
 
     The states of both engines agree to 1e-9 m, and the covariances agree to 1e-12 of sqrt(P_ii P_jj). The differences
     are larger if the run amplifies rounding errors, for example with a fading factor of 1000 or a weight close to zero.
-    The engines then differ as much as two runs of the engine `filterpy` whose measurements differ in the last bits.
+    In such a run, the engines differ as much as two runs of the engine `filterpy` whose measurements differ in the last
+    bits.
     """
 
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:

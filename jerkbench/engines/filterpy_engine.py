@@ -131,9 +131,9 @@ class _Run:
         return "" if healthy else f"the covariance is no longer positive definite at {time_s:.2f} s"
 
     def _correct(self, innovation: FloatArray, R: FloatArray, rows: IntArray) -> tuple[float, bool]:
-        """Update with the rows whose variance is finite. Return their NIS, and the result of `_is_sound`.
+        """Update with the rows whose variance is finite. Return the NIS of these rows, and the result of `_is_sound`.
 
-        The update of filterpy is not used, because it inverts S and is not accurate enough after a gap in the
+        The update of filterpy is not used, because filterpy inverts S, which is not accurate enough after a gap in the
         measurements (see `jerkbench.kalman`).
         """
         finite = np.isfinite(np.diag(R))

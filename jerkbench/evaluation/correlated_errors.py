@@ -11,7 +11,8 @@ _SEED = 20
 """Seed of the bootstrap. It is fixed, so that equal errors give equal intervals."""
 
 FACTOR = 12
-"""Length of a block in correlation times. The means of shorter blocks are correlated, which shortens the interval."""
+"""Length of a block in correlation times. With shorter blocks, their means are correlated and the interval is too
+short."""
 
 DIRECT = 32
 """Maximum number of lags for which direct sums of products are faster than a Fourier transform."""
@@ -48,14 +49,13 @@ def block_interval(squares: FloatArray) -> RecordingInterval:
     A resample consists of blocks of l successive rows, drawn with replacement from all n - l + 1 blocks. The errors
     within a block therefore remain correlated. The block length l is at least `FACTOR` times the correlation time, and
     at least n^(1/3). Let s be the standard deviation of the logarithms of the resampled means, and b = n/l the number
-    of blocks. Then the interval of the mean square is the mean square of the rows times exp(-+ t_{b-1} s sqrt(b/(b -
-    1))).
+    of blocks. The interval of the mean square is the mean square of the rows times exp(-+ t_{b-1} s sqrt(b/(b - 1))).
 
     In simulations with autoregressive errors of three axes, the 95 % interval contains the true RMSE in 92 to 93 % of
-    cases for recordings of 75 to 150 correlation times. The coverage is 94 % from 300 correlation times on
-    (benchmarks/README.md). The correlation time of shorter recordings is hard to estimate. The interval describes the
-    variation of the RMSE over other parts of the same kind of drive. The interval does not describe the variation over
-    other drives, receivers or days, and no p value is computed from it.
+    cases for recordings of 75 to 150 correlation times. For recordings of at least 300 correlation times, the coverage
+    is 94 % (benchmarks/README.md). For recordings of fewer than 75 correlation times, the correlation time is hard to
+    estimate. The interval describes the variation of the RMSE over other parts of the same kind of drive. The interval
+    does not describe the variation over other drives, receivers or days, and no p value is computed from the interval.
 
     Source: Künsch, "The jackknife and the bootstrap for general stationary observations", Ann. Statist. 17 (1989).
     """
@@ -80,8 +80,8 @@ def block_interval(squares: FloatArray) -> RecordingInterval:
 def correlation_rows(values: FloatArray) -> float:
     """Return the correlation time 1 + 2 sum rho_k of (n,) values, as a number of rows. The result is at least 1.
 
-    The correlation time is a number of rows: that many successive rows contain the information of one independent
-    value. The sum of the autocorrelations rho_k ends before the first pair rho_{2k} + rho_{2k+1} that is not positive.
+    If the correlation time is tau rows, tau successive rows contain the information of one independent value. The sum
+    of the autocorrelations rho_k ends before the first pair rho_{2k} + rho_{2k+1} that is not positive.
 
     Source: Geyer, "Practical Markov chain Monte Carlo", Statistical Science 7 (1992), the initial positive sequence.
     """
@@ -117,7 +117,7 @@ def _lagged_products(centred: FloatArray, size: int) -> FloatArray:
 
 
 def _resampled_means(values: FloatArray, block: int) -> FloatArray:
-    """Return the means (_RESAMPLES,) of block resamples of n values. The last block is cut to n values in total."""
+    """Return the means (_RESAMPLES,) of block resamples. The last block is cut so that each resample has n values."""
     n = len(values)
     sums = np.concatenate([[0.0], np.cumsum(values)])
     full, rest = divmod(n, block)

@@ -1,4 +1,4 @@
-"""The rows of an estimate that count for its metrics, and the errors at these rows."""
+"""Selection of the rows of an estimate that count for its metrics, and the errors at the selected rows."""
 
 import math
 from typing import Any, NamedTuple
@@ -12,10 +12,10 @@ from jerkbench.geometry import vertical_in_body, wrap_angle
 from jerkbench.recording import Recording, Reference
 
 POSITION_AXES = {"": (0, 1, 2), "_horizontal": (0, 1), "_east": (0,), "_north": (1,), "_up": (2,)}
-"""For each position error, the part of its column name and its axes."""
+"""For each position error, the suffix of the column name and the axes of the error."""
 
 VELOCITY_AXES = {"": (0, 1, 2), "_horizontal": (0, 1), "_up": (2,)}
-"""For each velocity error, the part of its column name and its axes."""
+"""For each velocity error, the suffix of the column name and the axes of the error."""
 
 OLDEST = 2 + 1e-6
 """Maximum age of the last known error at the end of an outage, in intervals of the reference (2 plus rounding)."""
@@ -55,7 +55,7 @@ class Rows(NamedTuple):
 def counting(index: IntArray, recording: Recording, counted: BoolArray) -> Rows:
     """Return the rows that count for each metric.
 
-    ``index`` (k,) are the rows of the reference that an estimate reached, and ``counted`` (k,) is a mask of these rows.
+    ``index`` (k,) are the rows of the reference that an estimate reached. ``counted`` (k,) states which of them count.
     """
     reference = recording.reference
     located = known_axes(reference.enu_m, index)
@@ -142,9 +142,9 @@ def _outages(inside: BoolArray, t_s: FloatArray, recording: Recording) -> IntArr
 def counted_rows(estimate: Estimate, recording: Recording, burn_in_s: float) -> BoolArray:
     """Return a mask (k,) of the rows of an estimate that count for the metrics.
 
-    A row counts if it is scored, the burn-in [s] is over, and some part of the reference is known. If the reference is
-    empty, no part of it needs to be known, because the rows are then needed only for innovations. Estimates that are
-    not finite also count, because a filter must not improve its metrics by failing.
+    A row counts if it is scored, if the burn-in [s] is over, and if at least one component of the reference is known.
+    With an empty reference, rows count without known components, because the rows are used only for innovations.
+    Estimates that are not finite also count, because a filter must not improve its metrics by failing.
     """
     reference = recording.reference
     truths = (reference.enu_m, reference.velocity_mps, reference.euler_rad)
@@ -159,7 +159,7 @@ def require_begin(estimate: Estimate, recording: Recording, burn_in_s: float) ->
     The estimate must start before the burn-in [s] is over, or before the first fix if the first fix is later.
 
     Raises:
-        RecordingError: the estimate starts later than that.
+        RecordingError: the estimate starts too late.
     """
     fix_s = float(recording.position.t_s[0]) if recording.position is not None else 0.0
     stamps_s, latest_s = recording.reference.t_s, max(burn_in_s, fix_s)
@@ -227,7 +227,7 @@ def known(truth: FloatArray | None, estimate: Estimate, axes: tuple[int, ...] = 
 def counted_errors(estimate: Estimate, recording: Recording, counted: BoolArray) -> tuple[BoolArray, FloatArray]:
     """Return a mask (k,) of the ``counted`` rows with a position reference, and the position errors at these rows.
 
-    The position errors (j, 3) [m] are returned only for the j rows for which the mask is true.
+    The position errors (j, 3) [m] are returned only for the j rows that the mask selects.
     """
     rows = counted & known(recording.reference.enu_m, estimate)
     return rows, position_error_m(estimate, recording)[rows]

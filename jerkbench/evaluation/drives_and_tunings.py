@@ -15,12 +15,12 @@ S_3 + S_2^2)::
     sigma_a^2 = sum_r (y_r. - mean)^2/(R - 1) - V_e                     of tunings; may be negative, and stays so
     V      = V_d + max(sigma_a^2, mean sigma_a^2 of the family)/R
 
-With equal weights, these estimates are the analysis of variance of two crossed factors. The variance between tunings is
-estimated from only 16 tunings of each method, so the estimate is imprecise. An estimate below the mean of the family is
-therefore replaced by this mean. The interval of a mean is the union of two intervals. The first interval is Student's
-interval with the degrees of freedom of Satterthwaite, V^2/(V_d^2/(S_2^2/S_4 - 1) + (V - V_d)^2/(R - 1)). The second
-interval is Hall's interval, which removes most of the skewness of the mean (`intervals.few_intervals`), because the
-errors of tuned methods are skewed.
+With equal weights of the drives, the estimates above are the analysis of variance of two crossed factors. The variance
+between tunings is estimated from only 16 tunings of each method, so the estimate is imprecise. A variance below the
+mean variance of the family is therefore replaced by this mean. The interval of a mean is the union of two intervals.
+The first interval is Student's interval with the degrees of freedom of Satterthwaite, V^2/(V_d^2/(S_2^2/S_4 - 1) + (V -
+V_d)^2/(R - 1)). The second interval is Hall's interval, which removes most of the skewness of the mean
+(`intervals.few_intervals`), because the errors of tuned methods are skewed.
 
 Three families of hypotheses are tested. Each family gets a third of the total error probability of 5 %, independently
 of the results of the other families. Family H1 compares the average of the adaptations with the plain filters of the
@@ -180,7 +180,7 @@ CrossedInterval = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 def _levels(families: Sequence[FloatArray]) -> list[float]:
-    """Return the level of an interval in each group of `comparisons`. Both groups of H3 get half of its level."""
+    """Return the level of an interval in each group of `comparisons`. The two groups of H3 share its level equally."""
     return [LEVEL / FAMILIES / count for count in (1, 1, 2 * len(families[2]), 2 * len(families[3]))]
 
 
@@ -261,14 +261,15 @@ def procedure_error(losses: Losses, audits: int) -> Error:
 
 
 AUDITS_AT_ONCE = 16
-"""Number of audits that are resampled in one step. All of them read y, which does not fit into the cache."""
+"""Number of audits that are resampled in one step, so that y, which does not fit into the cache, is read less often."""
 
 
 def resampled(y: FloatArray, audits: int, random: np.random.Generator) -> Iterator[tuple[Sequence[FloatArray], ...]]:
     """Yield the inputs ``means`` and ``drawn`` of `intervals_from` for resampled tunings and drives of y (k, R, D).
 
-    Tuning r is drawn n_r times, and drive d is drawn m_d times. Let u_rd = y_rd - y_.d and v_r = y_r. - mean. The sums
-    over r of n_r u_rd and of n_r v_r are zero, so that::
+    Tuning r is drawn n_r times, and drive d is drawn m_d times. Let y_.d, y_r. and mean be the means over the resampled
+    tunings, over the resampled drives, and over both. Let u_rd = y_rd - y_.d and v_r = y_r. - mean. The sums over r of
+    n_r u_rd and of n_r v_r are zero, so that::
 
         sum_rd n_r m_d (u_rd - v_r)^2 = sum_rd n_r m_d y_rd^2 - R sum_d m_d y_.d^2 - D sum_r n_r v_r^2
     """

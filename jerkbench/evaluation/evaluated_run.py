@@ -35,7 +35,7 @@ class PreparedReference:
         scoring: weights of the errors, which the engine reads.
         rows: rows that count for each metric.
         counted: (k,) whether each row counts.
-        outline: estimate in which at least ``index`` and ``euler_rad`` are known.
+        outline: estimate with known ``index`` and ``euler_rad``. Its other values may be NaN.
     """
 
     scoring: ErrorWeights
@@ -83,12 +83,12 @@ def sums_of(estimate: Estimate, recording: Recording, counted: BoolArray) -> Sum
 
 
 class Summed(ABC):
-    """A metric that is computed from the sums of a run. Such a metric does not need the trajectory."""
+    """A metric that is computed from the sums of the errors of a run, without the trajectory."""
 
     reads_covariance: ClassVar[bool] = True
-    """True if the metric reads sums of e' P^-1 e or the sampled errors. If False, they may be NaN or empty."""
+    """True if the metric reads sums of e' P^-1 e or sampled errors. If False, these values may be NaN or empty."""
     reads_velocity: ClassVar[bool] = True
-    """True if the metric reads sums of velocity errors. If False, they may be NaN."""
+    """True if the metric reads sums of velocity errors. If False, these sums may be NaN."""
 
     @abstractmethod
     def summarise(self, sums: Sums) -> dict[str, float]:
@@ -121,14 +121,14 @@ def sums_from(streamed: Streamed, prepared: PreparedReference, recording: Record
 _SAME_SUMS = tuple(name for name in Sums._fields if name in Streamed._fields[2:])
 """Fields that `Sums` and `Streamed` have in common, except the sums of position and velocity.
 
-`Streamed` contains the latter separately for each axis.
+`Streamed` contains the sums of position and velocity separately for each axis.
 """
 
 
 def error_weights(recording: Recording, index: IntArray, rows: Rows) -> ErrorWeights:
     """Return the weights of the errors at the rows ``index`` (k,) of the reference.
 
-    ``rows`` defines which of these rows count for each metric.
+    ``rows`` defines which rows of ``index`` count for each metric.
     """
     reference = recording.reference
     truth = np.zeros((len(index), 6))
@@ -211,9 +211,9 @@ def run_status(estimate: Estimate, recording: Recording, limit_m: float) -> tupl
     """Return the status of a run and its reason: ("ok", "") or ("diverged", reason).
 
     A run diverged if it stopped early, or if it reached none of the stamps of the reference. A run also diverged if a
-    position or velocity is not finite. For a filter that estimates only the attitude, the angles are checked instead.
-    Finally, a run diverged if the length of its position error exceeds ``limit_m`` at any row, even if this row is not
-    scored. The length includes only the axes on which the reference is known.
+    position or velocity is not finite. For a filter that estimates only the attitude, the angles are checked instead. A
+    run also diverged if the length of its position error exceeds ``limit_m`` at any row, even if this row is not
+    scored. The length of the error includes only the axes on which the reference is known.
     """
     reason = why_stopped(estimate) or _too_far(estimate, recording, limit_m)
     return ("diverged", reason) if reason else ("ok", "")

@@ -39,19 +39,20 @@ STRAIGHT = 1e-7
 def few_intervals(d: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]:
     """Return the lower and upper ends (k,) of intervals of the means of (k, n) values that may be skewed.
 
-    The function returns Student's interval, or NaN for n < 2. For 3 to `ENOUGH` - 1 values, Student's interval is
-    extended to contain Hall's interval, which removes the skewness by a cubic transformation::
+    For n < 2, the ends are NaN. For n = 2 and for n of at least `ENOUGH`, the function returns Student's interval. For
+    3 to `ENOUGH` - 1 values, Student's interval is extended to contain Hall's interval, which removes the skewness by a
+    cubic transformation::
 
         g(t) = t + c t^2/(3 sqrt(n)) + c^2 t^3/(27 n) + c/(6 sqrt(n)),   c = .6 n/((n - 1)(n - 2)) sum ((d - mean)/s)^3
         mean - g^-1(+-q) s/sqrt(n),   q of Student's t
 
     For skewed values, Student's interval is too short on the side of the tail that was not observed. Hall's interval is
-    too short on the other side for few values, and for many values with heavy tails. `docs/statistics.md` lists the
-    coverage of Student's interval, of Hall's interval, and of their union.
+    too short on the side of the observed tail if there are few values, or many values with heavy tails.
+    `docs/statistics.md` lists the coverage of Student's interval, of Hall's interval, and of their union.
 
     Source: Hall, "On the removal of skewness by transformation", J. R. Stat. Soc. B 54 (1992), 221 to 228,
-    doi:10.1111/j.2517-6161.1992.tb01876.x. The factor .6, Student's q and the union of both intervals are not part of
-    this source.
+    doi:10.1111/j.2517-6161.1992.tb01876.x. Hall's article contains neither the factor .6 nor Student's q nor the union
+    with Student's interval.
     """
     low, high = student_intervals(d, confidence)
     if not 2 < d.shape[1] < ENOUGH:
@@ -129,7 +130,7 @@ def _fractions(n: int, resamples: int, seed: int) -> FloatArray:
 
 
 NEARLY = 0.93
-"""Minimum coverage of a 95 % interval of the median. The range of 5 values, which covers 93.75 %, is accepted."""
+"""Minimum coverage of a 95 % interval of the median. The range of 5 values covers 93.75 %, so it is accepted."""
 
 
 def quantiles_of_rows(values: FloatArray, confidence: float = 0.95) -> tuple[FloatArray, ...]:
@@ -208,12 +209,12 @@ def failure_bound(count: int, n: int) -> float:
 
 
 def seeds_without_failure(margin: float) -> float:
-    """Return the number of seeds without a failure that makes `failure_bound` at most ``margin``: 99 seeds for 3 %."""
+    """Return the number of seeds for which `failure_bound` without failures is at most ``margin``: 99 seeds for 3 %."""
     return ceil(log(0.05) / log1p(-margin)) if 0 < margin < 1 else 1 if margin else inf
 
 
 def failures_text(failed: int, outlying: int, n: int, *, bound: bool = True) -> str:
-    """Return text with the number of failed runs and of outliers, and the upper bound of the rate of both.
+    """Return text with the numbers of failed runs and of outliers, and the upper bound of their joint rate.
 
     >>> failures_text(0, 0, 20), failures_text(1, 2, 20)
     ('0 of 20 failed (up to 14 %)', '1 of 20 failed and 2 of 20 with over 10 times the error (up to 34 %)')

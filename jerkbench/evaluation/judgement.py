@@ -68,7 +68,7 @@ class LogRatios:
 
     @cached_property
     def plain(self) -> bool:
-        """True if no run failed or is an outlier. In this case, the comparison uses the mean of d, not the median."""
+        """True if no run failed or is an outlier. The comparison then uses the mean of d instead of the median of d."""
         return bool(np.isfinite(self.d).all()) and not (self.failed | self.outlying).any()
 
     @property
@@ -118,7 +118,7 @@ def median_p(d: FloatArray) -> float:
     return min(1.0, 2.0 * float(bdtr(min((d <= 0).sum(), (d >= 0).sum()), len(d), 0.5)))
 
 
-# The joint test of all comparisons without failures: a bootstrap over the seeds of the largest studentised mean.
+# All comparisons without failures are tested together, by resampled seeds and the largest |t| of all means.
 
 _RESAMPLES = 1999
 _SEED = 14
@@ -130,7 +130,7 @@ _BATCH = 16
 _MIN_VARIANCE = 1e-12
 """Minimum variance of a resample, as a fraction of the variance of the values.
 
-A resample with a smaller variance has no spread, because it contains one value n times. Its t is infinite.
+A resample with a smaller variance has no spread, because it contains one value n times, so its t is infinite.
 """
 
 COMMON = 0.9
@@ -140,7 +140,7 @@ TAIL = 0.05
 """Fraction of the resamples, those with the largest |t|, from which the scale of a mean is estimated."""
 
 MIN_SLOPE = 0.01
-"""Minimum slope of a tail (t^-100). With few seeds, the largest |t| of the resamples may all be equal."""
+"""Minimum slope of a tail (P ~ |t|^-100). It is needed because the largest |t| of few seeds may all be equal."""
 
 
 class MaxT(NamedTuple):
@@ -206,9 +206,10 @@ def max_t(d: FloatArray) -> MaxT:
     q is the 95 % quantile of the |t_b| of a mean, and h is the mean of log(|t_b|/q) over the resamples beyond q (Hill's
     estimator). On the scale of the scores, the tails of all means are equal. A mean with a heavy tail therefore does
     not raise the critical |t| of the other means. For example, a single outlying seed, which a third of the resamples
-    do not contain, causes a heavy tail. Without this scale, two comparisons with such a seed raised the critical |t|
-    from 5 to 27 in a study of 932 comparisons over 20 seeds. Few seeds underestimate the skewness, so q and h are at
-    least the 90 % quantiles of q and h over the family. Rows with constant log ratios have no influence on the result.
+    do not contain, causes a heavy tail. Without the scores, two comparisons with an outlying seed raised the critical
+    |t| from 5 to 27 in a study of 932 comparisons over 20 seeds. With few seeds, the skewness is underestimated.
+    Therefore, q and h are at least the 90 % quantiles of q and h over the family. Comparisons with constant log ratios
+    have no influence on the result.
 
     Random sign flips would be an exact test for symmetric differences. For skewed differences, sign flips give a false
     verdict in 17 % of studies of 60 scenarios, and this bootstrap in about 5 % (benchmarks/README.md).
@@ -232,10 +233,10 @@ def max_t(d: FloatArray) -> MaxT:
         t = _resampled(part, fraction)
         start = number * _BATCH
         scores = np.where(np.isfinite(t), _scores(t, scales[:, start : start + len(part), None]), -np.inf)
-        # if a resample of a mean has no spread, it gets the largest score of the other resamples
+        # a resample of a mean without spread gets the largest score of the other resamples of this mean
         scores = np.where(np.isfinite(t), scores, scores.max(axis=1, keepdims=True))
         np.maximum(largest, scores.max(axis=0), out=largest)
-    every = np.tile([[1.0], [1.0], [0.0]], len(d))  # the scales of constant rows are 1
+    every = np.tile([[1.0], [1.0], [0.0]], len(d))  # quantile and slope of constant rows are 1
     every[:, scattered] = scales
     return MaxT(every, np.sort(largest))
 
@@ -319,7 +320,7 @@ class Judgement(NamedTuple):
         high: upper end of the interval of the ratio. ``high`` is infinite if the interval contains failed runs.
         n: number of common seeds.
         p: p value of a difference of the errors, corrected for all comparisons of the study.
-        p_failed: p value of a difference of the failure rates (outliers are failures), corrected in the same way.
+        p_failed: p value of a difference of the failure rates (outliers are failures), corrected for all comparisons.
         failed: numbers of runs of a and of b that diverged or failed.
         outlying: numbers of runs of a and of b that are outliers; see `LogRatios`.
         median: whether the median ratio was computed and tested, instead of the geometric mean.
@@ -375,11 +376,11 @@ def judged(comparisons: Sequence[LogRatios], margin: float = MARGIN, level: floa
         worse       the interval lies above 1, and b failed in no more runs than a
         undecided   otherwise, and for fewer than `MIN_SEEDS` seeds
 
-    The intervals of all comparisons of the study are simultaneous. If no run failed, the interval of the mean of d =
-    log(a/b) is mean -+ c s/sqrt(n), and `max_t` computes c for each of these comparisons. If any run failed, the
-    interval of the median is computed from order statistics. The interval of the median is the inverse of the exact
-    sign test, with Bonferroni's correction for the study. In the sign test, a failed run is worse than any other run.
-    Outliers count as failures.
+    The intervals of all comparisons of the study are simultaneous. If no run of a comparison failed, the interval of
+    the mean of d = log(a/b) is mean -+ c s/sqrt(n), where `max_t` computes c for the comparison. If any run failed, the
+    interval of the median of d is computed from order statistics. The interval of the median is the inverse of the
+    exact sign test, with Bonferroni's correction for the study. In the sign test, a failed run is worse than any other
+    run. Outliers count as failures.
 
     Args:
         comparisons: all comparisons of the study.

@@ -64,13 +64,13 @@ class Samples:
 
 
 _RESAMPLES = 4999
-"""Number of bootstrap resamples. The ends of an interval vary by about 2 % of its width with the random seed."""
+"""Number of bootstrap resamples. The ends of an interval vary with the seed by about 2 % of the interval's width."""
 
 _BATCH = 128
 """Number of samples that are resampled in one step. Larger batches need more memory and are not faster."""
 
 MIN_BOOTSTRAP = 5
-"""For fewer values, Student's interval is used, because the bootstrap interval would be too short."""
+"""For fewer values, Student's interval is used instead of the bootstrap interval, which would be too short."""
 
 MAX_BOOTSTRAP = 1999
 """For more values, Student's interval is used, because the mean is almost normally distributed."""
@@ -96,13 +96,13 @@ def mean_intervals(samples: Samples, confidence: float = 0.95) -> tuple[FloatArr
     """Return the means (k,) of the samples with the lower and upper ends (k,) of their BCa bootstrap intervals.
 
     NaN values (the metric does not apply) are left out. The ends are NaN for a single value and for infinite means. If
-    all values of a sample are equal, both ends are equal to the mean. The result for a sample does not depend on the
-    order of its values or on the other samples, except for rounding.
+    all values of a sample are equal, the two ends of its interval are equal to the mean. The result for a sample does
+    not depend on the order of its values or on the other samples, except for rounding.
 
     A bootstrap distribution of n values is too narrow by the factor sqrt((n - 1)/n), and its tails are lighter than the
-    tails of Student's distribution. The higher level Phi(z) with z = t_{n-1} sqrt(n/(n - 1)) compensates for both
-    effects. In simulations, the 95 % interval of 5, 10 and 20 normal values contains the mean in 93, 95 and 95 % of
-    cases. Without this compensation, the coverage is 85, 91 and 93 %.
+    tails of Student's distribution. The higher level Phi(z) with z = t_{n-1} sqrt(n/(n - 1)) compensates for the narrow
+    distribution and the light tails. In simulations, the 95 % interval of 5, 10 and 20 normal values contains the mean
+    in 93, 95 and 95 % of cases. Without this compensation, the coverage is 85, 91 and 93 %.
 
     Source: Efron, "Better Bootstrap Confidence Intervals", JASA 82 (1987), see `bca_ends`; for the level
     Hesterberg, "What Teachers Should Know About the Bootstrap", The American Statistician 69 (2015), 4.
@@ -148,7 +148,7 @@ def expanded(confidence: float, n: float) -> float:
 MIN_SEEDS = 6
 """Minimum number of seeds for a verdict. With fewer seeds, no exact test reaches a level of 5 %.
 
-The number of different bootstrap resamples would also be too small.
+With fewer seeds, the number of different bootstrap resamples is also too small.
 """
 
 GEOMETRIC, MEDIAN, MEAN = "geometric mean", "median", "mean"
@@ -174,12 +174,12 @@ def no_centres(count: int, kind: str) -> Centres:
 def centres(samples: Samples, least: float | FloatArray = MIN_SEEDS) -> Centres:
     """Return the centres of samples of errors: their averages with intervals.
 
-    The error of a failed run is infinite. NaN values (the metric does not apply) are left out. The average of a sample
-    of at least ``least`` values is the median. ``least`` may be a different number for each sample. The interval of the
-    median uses order statistics, so rare outliers hardly change it. The average of a smaller sample is the geometric
-    mean of the runs that did not fail, so that a rare failure does not decide the average. The interval of the
-    geometric mean is Student's interval of the logarithms, and is wider for few runs (`few_intervals`). Logarithms are
-    used because the distribution of an RMSE is closer to a lognormal than to a normal distribution.
+    The error of a failed run is infinite. NaN values (the metric does not apply) are left out. For a sample of at least
+    ``least`` values, the average is the median. ``least`` may be a different number for each sample. The interval of
+    the median uses order statistics, so rare outliers hardly change it. For a smaller sample, the average is the
+    geometric mean of the runs that did not fail, so that a rare failure does not decide the average. The interval of
+    the geometric mean is Student's interval of the logarithms, and is wider for few runs (`few_intervals`). Logarithms
+    are used because the distribution of an RMSE is closer to a lognormal than to a normal distribution.
 
     The field ``kind`` of a centre is `MEDIAN` or `GEOMETRIC`, and ``value`` is the average. A median is infinite if at
     least half of the runs failed. The fields ``low`` and ``high`` are the ends of the 95 % interval. ``low`` is NaN if
@@ -223,7 +223,7 @@ def _geometric(errors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 _CONSISTENT, OVERCONFIDENT, CAUTIOUS, UNKNOWN = "consistent", "overconfident", "too cautious", "not known"
 
 NEAR = (0.5, 2.0)
-"""A filter can be consistent only if the ratio of the average to its expected value is within these limits."""
+"""For the verdict "consistent", the interval of the average must lie within these multiples of the expected value."""
 
 
 def chi2_band(dof: float, samples: float) -> tuple[float, float]:
@@ -250,9 +250,9 @@ def runs_verdict(averages: npt.ArrayLike, expected: float, failed: int = 0) -> s
         not known       the interval contains ``expected``, but is wider
 
     For 5 or more runs, the interval is computed by `mean_interval`. For 2 to 4 runs, the interval is Student's interval
-    of the logarithms, which is an interval of the geometric mean. The geometric mean is at most the mean, so a verdict
-    "overconfident" is also valid for the mean. The verdict on a single run, which has no interval, is "not known". If
-    any run failed or has no finite average, the verdict is "overconfident" or "not known".
+    of the logarithms, which is an interval of the geometric mean. The geometric mean is not larger than the mean, so
+    the verdict "overconfident" is also valid for the mean. The verdict on a single run, which has no interval, is "not
+    known". If any run failed or has no finite average, the verdict is "overconfident" or "not known".
     """
     values = np.asarray(averages, dtype=np.float64)
     finite = values[np.isfinite(values)]

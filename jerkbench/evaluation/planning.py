@@ -30,8 +30,8 @@ def seeds_needed(d: FloatArray, comparisons: int = 1, level: float = 0.05, criti
     mean is more than c standard errors away from 0. The result is the smallest N of the grid 6 * 1.05^k for which the
     probability of a decision is at least `POWER`, for every mu in the 95 % interval of the observed mean. The value s
     is the upper confidence bound of the standard deviation at the level `CAUTION`. The value c is `critical_t` for N
-    seeds, times the ratio of ``critical`` to `critical_t` for the n observed seeds. The ratio of both is smaller for
-    correlated comparisons, and larger for heavy tails.
+    seeds, times the ratio of ``critical`` to `critical_t` for the n observed seeds. This ratio is small if the
+    comparisons are correlated, and large if the log ratios have heavy tails.
 
     Args:
         d: (n,) log ratios of the two methods, all finite, n > 1.
@@ -86,9 +86,9 @@ def interim_levels(sizes: list[int]) -> FloatArray:
     """Return the level (k,) of each interim analysis. ``sizes`` are the numbers of seeds of the analyses.
 
     The levels of all analyses with up to the fraction t of the seeds add up to alpha(t) = .05 log(1 + (e - 1) t), so
-    the sum of all levels is 5 %. Bonferroni's inequality is used instead of the joint distribution of the
-    analyses. This inequality is also valid for the largest of many statistics, which may belong to a different
-    comparison in each analysis.
+    the sum of all levels is 5 %. Bonferroni's inequality is used instead of the joint distribution of the analyses.
+    Bonferroni's inequality is also valid for the largest of many statistics, which may belong to a different comparison
+    in each analysis.
 
     Source: Lan and DeMets, "Discrete sequential boundaries for clinical trials", Biometrika 70 (1983), Pocock's type.
     """

@@ -83,8 +83,8 @@ def over_scenarios(d: FloatArray, confidence: float = 0.95) -> OverScenarios:
 
         sigma_e^2 = MSE,  sigma_u^2 = (MSS - MSE)/n,  sigma_v^2 = (MSI - MSE)/S,  var(mu) = (MSS + MSI - MSE)/(S n)
 
-    A negative variance is replaced by 0, and its mean square is pooled with the residuals. For these balanced data, the
-    result is the restricted maximum likelihood estimate.
+    A negative variance is replaced by 0, and its mean square is pooled with the residuals. Because the data are
+    balanced, the result is the restricted maximum likelihood estimate.
 
     Source: Searle, Casella and McCulloch, "Variance Components", Wiley (1992), 4.5; Satterthwaite, "An approximate
     distribution of estimates of variance components", Biometrics Bulletin 2 (1946).

@@ -48,7 +48,7 @@ class AttitudeOnlyFilter:
 def attitude_at_reference(t_s: FloatArray, euler_rad: FloatArray, recording: Recording) -> Estimate:
     """Return an estimate that contains the latest known attitude at each time stamp of the reference.
 
-    The estimate omits the time stamps of the reference before the first or after the last time in ``t_s``.
+    The estimate contains only the time stamps of the reference between the first and the last time in ``t_s``.
 
     Args:
         t_s: (n,) times of the known attitudes [s].
@@ -72,21 +72,22 @@ WRITE = "One row for each row of the table: t_s, qw, qx, qy, qz, body to a frame
 @register("filter", "attitude_command")
 @dataclass(frozen=True, kw_only=True)
 class AttitudeCommand(Command):
-    """Runs a program of the user, in any language, that reads an IMU and writes a quaternion for each sample.
+    """Runs a program of the user, in any language, that reads IMU samples and writes one quaternion for each sample.
 
     The program runs once for each seed, without a shell. If the program fails, the run fails with an error message. The
     following command is an example::
 
         jerkbench run dataset=field filter=attitude_command filter.command="./my_filter {recording} {out}"
 
-    The placeholder {recording} is the path of a CSV file with one row for each IMU sample. The columns of this file are
-    t_s [s], gyro_forward_radps, gyro_left_radps, gyro_up_radps, accel_forward_mps2, accel_left_mps2 and accel_up_mps2.
-    The accelerometer measures the specific force, which is +g upwards at rest. Each IMU value is the mean over the
-    interval that ends at t_s. The file does not contain position, velocity and heading.
+    The placeholder {recording} is the path of a CSV file with one row for each IMU sample. The columns of this CSV file
+    are t_s [s], gyro_forward_radps, gyro_left_radps, gyro_up_radps, accel_forward_mps2, accel_left_mps2 and
+    accel_up_mps2. The accelerometer measures the specific force, which is +g upwards at rest. Each IMU value is the
+    mean over the sampling interval that ends at t_s. The CSV file contains no position, velocity or heading.
 
     The placeholder {out} is the path of the CSV file that the program writes. The output file has the columns t_s, qw,
     qx, qy, qz and one row for each IMU sample, in the same order. The quaternion has the length 1 and rotates from the
-    body frame (forward, left, up) to a frame whose z axis points up. The heading of this second frame is arbitrary.
+    body frame (forward, left, up) to a frame whose z axis points up. The heading of the frame with the z axis up is
+    arbitrary.
 
     Attributes:
         attitude: names of the columns that contain the attitude, either four (w, x, y, z) or three (roll, pitch, yaw).

@@ -32,7 +32,7 @@ class StepModel(NamedTuple):
 
 
 class StepModels:
-    """The step models of a filter, cached by the length of the step in nanoseconds."""
+    """The step models of a filter in a cache, whose key is the length of the step in nanoseconds."""
 
     def __init__(self, model: Filter, dt0_s: float) -> None:
         self._model, self._dt0_s = model, dt0_s
@@ -59,7 +59,7 @@ def _of_three_axes(matrix: FloatArray) -> FloatArray:
     return np.asarray(np.kron(matrix, np.eye(3)), dtype=np.float64)
 
 
-# Models of one axis, vectorised over the step length. An IMU with irregular stamps has a step length for each sample.
+# Models of one axis for an array of step lengths, because the steps of an IMU with irregular time stamps differ.
 
 Models = tuple[FloatArray, FloatArray, FloatArray]
 """A (k, n, n), b (k, n) and Q (k, n, n) of one axis with n states, for k step lengths."""
@@ -109,7 +109,7 @@ CompiledFunctions = tuple[Callable[..., Estimate | None], Callable[..., Sequence
 
 
 class CompiledEstimator:
-    """Base class of estimators over kinematic filters that run in compiled code.
+    """Base class of estimators that are based on kinematic filters and run in compiled code.
 
     This class implements the protocol `jerkbench.contracts.Batched`.
     """
@@ -171,7 +171,7 @@ class CompiledEstimator:
 # The names of the adaptations that an estimator supports.
 
 BEYOND_R = (Fading, AdaptingPrior, AdaptingGain)
-"""Contracts of adaptations that change more than R. They need the prior covariance of a single linear filter."""
+"""Protocols of adaptations that change more than R and need the prior covariance of a single linear filter."""
 
 
 def adaptations_of_r() -> tuple[str, ...]:
@@ -189,12 +189,12 @@ def _adaptations_without(contracts: tuple[type, ...]) -> tuple[str, ...]:
     return tuple(name for name in names if not _implements(plugins.get("adaptation", name), contracts))
 
 
-@cache  # because isinstance is slow for a protocol, and a sweep calls it for each combination
+@cache  # isinstance is slow for a protocol, and a sweep checks each pair of filter and adaptation
 def _implements(adaptation: type, contracts: tuple[type, ...]) -> bool:
     return isinstance(adaptation, contracts)
 
 
-# Tuning ranges and origins of the default values of noise parameters that several filters have.
+# Tuning ranges and origins of default values, for the noise parameters that several filters share.
 
 ACCEL_RANGE = Range(
     0.01,

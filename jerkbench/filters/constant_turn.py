@@ -31,10 +31,10 @@ class ConstantTurn(Limited):
         n += b v_e + a v_n    v_n = s v_e + c v_n
 
     The covariance is propagated with the Jacobian of this step (extended Kalman filter). On each axis, the process
-    noise is the same as in `constant_velocity`. The process noise of w has the variance q_w^2 dt. In a gap between
-    position fixes, the predicted path is a circular arc. The filter `constant_velocity` predicts a straight line
-    instead. The turn rate w is observable only through the position fixes, so the estimate of w is noisy if the fixes
-    are noisy and the vehicle is slow.
+    noise of position and velocity is the same as in `constant_velocity`. The process noise of the turn rate w has the
+    variance q_w^2 dt. In a gap between position fixes, this filter predicts a circular arc, whereas `constant_velocity`
+    predicts a straight line. The turn rate w is observable only through the position fixes, so the estimate of w is
+    noisy if the fixes are noisy and the vehicle is slow.
 
     Source: the nearly coordinated turn model (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking
     and Navigation", 11.7, doi:10.1002/0471221279).

@@ -75,8 +75,8 @@ class Eskf15(InertialFilter):
     Each sensor bias is modelled as a random walk, which approximates a Gauss-Markov process with the parameters sigma
     and tau over times shorter than tau. The estimated bias does not decay to zero, because it includes the constant
     turn-on bias. A correction of tilt and accelerometer bias is applied such that the vertical specific force is equal
-    to the estimate of the linear filter (`jerkbench.inertial.state.corrected`). Without this rule, a large tilt
-    correction phi would leave an error of g phi^2/2 in the vertical acceleration.
+    to the estimate of the linear filter (`jerkbench.inertial.state.corrected`). Without this choice of the bias
+    correction, a large tilt correction phi would leave an error of g phi^2/2 in the vertical acceleration.
 
     Each measurement is used at its time stamp. The predicted measurements are as follows, where l is a lever arm::
 
@@ -92,8 +92,8 @@ class Eskf15(InertialFilter):
     causes. If the vehicle moves at the start, the initial roll and pitch are those of the attitude filter. The initial
     yaw and its sigma are computed by the attitude filter or from the track of the position fixes. Before its first
     course measurement, the attitude filter computes the yaw backwards from this course with the integrated gyro. The
-    attitude filter has no other effect on this filter. If the initial yaw is wrong by 90 degrees or more, the filter
-    may never recover.
+    attitude filter affects only the initial state of `eskf15`. If the initial yaw is wrong by 90 degrees or more, the
+    filter may never recover.
 
     By default, the filter neglects the Earth's rotation and curvature. Due to the curvature, the direction of gravity
     changes by 0.16 mrad per km. The filter always neglects the change of gravity with latitude, which has the same
@@ -101,17 +101,17 @@ class Eskf15(InertialFilter):
     the receiver. The filter has no states for scale factors and misalignments of the IMU. If the IMU has such errors,
     the filter is overconfident, and the noise densities or the standard deviations of the turn-on biases should be
     increased. The scale error k of the wheel speed is zero by default. With ``wheel_scale``, the scale error k is an
-    additional constant state. The filter works well in outages of up to a minute, and if the vehicle turns and
-    accelerates, which makes yaw and biases observable. The noise of the IMU must be known, for example from its data
-    sheet.
+    additional constant state. The filter works well in outages of up to a minute. Turns and accelerations of the
+    vehicle make the yaw and the biases observable. The noise of the IMU must be known, for example from its data sheet.
 
-    An adaptation receives the innovations of position and velocity. The velocity rows are in the frame of the measured
-    velocity. The updates with headings and motion constraints are neither adapted nor recorded. All adaptations that
-    change only R are supported.
+    An adaptation receives the innovations of position and velocity. The velocity rows of the innovation are in the
+    frame of the measured velocity. The updates with headings and motion constraints are neither adapted nor recorded.
+    All adaptations that change only R are supported.
 
     The engine `filterpy` runs the reference implementation of the filter in NumPy. The engine `compiled` runs compiled
-    code that uses only the nonzero blocks of Phi. The states of both engines agree to 1e-9 m. The covariances of both
-    engines agree to 1e-12 of sqrt(P_ii P_jj), or to the effect of a change in the last bits of the input.
+    code that uses only the nonzero blocks of Phi. The states of the two engines agree to 1e-9 m. The covariances of the
+    two engines agree to 1e-12 of sqrt(P_ii P_jj), or to the difference that a change in the last bits of the input
+    causes.
 
     Source: P. D. Groves, "Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems", 2nd ed.,
     chapters 5 and 14, reduced to a tangent plane.
@@ -164,7 +164,7 @@ class Eskf15(InertialFilter):
         return run_many_inertial(every, scorings, adaptations, updates=updates, attitude=attitude, threads=threads)
 
 
-@lru_cache(maxsize=32)  # the number of recordings that a process caches; all adaptations have the same inputs
+@lru_cache(maxsize=32)  # the number of recordings in the cache; the runs of all adaptations have the same inputs
 def _cached(
     model: Eskf15, recording: Recording, attitude: Attitude, timeline: Timeline | None = None
 ) -> InertialInputs:
@@ -194,12 +194,12 @@ class Eskf15Smoother(InertialFilter):
     the states of the forward pass. If the forward pass diverges, or if its attitude is wrong by tens of degrees, the
     smoothed solution is also wrong.
 
-    With both engines, the smoother runs in NumPy. The smoother stores every node, which needs 6 kB per node with 15
-    states. A run of 150 s with a reference at 100 Hz needs 80 MB.
+    The smoother always runs in NumPy, also with the engine `compiled`. The smoother stores every node, which needs 6 kB
+    of memory per node with 15 states. A run of 150 s with a reference at 100 Hz needs 80 MB of memory.
 
     Source: H. E. Rauch, F. Tung, C. T. Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA Journal
-    3(8), 1965, doi:10.2514/3.3166; over the errors of a navigation: P. D. Groves, "Principles of GNSS, Inertial, and
-    Multisensor Integrated Navigation Systems", 2nd ed., section 3.4.5.
+    3(8), 1965, doi:10.2514/3.3166; smoothing of the error state of an inertial navigation: P. D. Groves, "Principles of
+    GNSS, Inertial, and Multisensor Integrated Navigation Systems", 2nd ed., section 3.4.5.
     """
 
     provenance = Provenance("simplified", "doi:10.2514/3.3166", "Over `eskf15`, linearised about its forward pass.")
@@ -214,7 +214,7 @@ class Eskf15Smoother(InertialFilter):
 @register("filter", "iekf")
 @dataclass(frozen=True)
 class InvariantEkf(Eskf15):
-    """Inertial navigation with a right-invariant extended Kalman filter on SE_2(3), with both biases.
+    """Inertial navigation with a right-invariant extended Kalman filter on SE_2(3), with gyro and accelerometer biases.
 
     The nominal state, the measurements, the initialisation and all parameters are the same as in `eskf15`. The error is
     not a difference but an element eta of the group SE_2(3). X is the true state and Xh is the estimate::
@@ -228,7 +228,7 @@ class InvariantEkf(Eskf15):
         phi+ = phi;  rho+ = rho + dt [g] phi;  pi+ = pi + dt rho + dt^2/2 [g] phi
 
     The errors of the biases and of an estimated wheel scale are additive, as in the "imperfect" IEKF. The derivatives
-    with respect to these errors contain the estimate::
+    with respect to the bias errors contain the estimate::
 
         phi' = -Ch db_g;  rho' = [g] phi - [vh] Ch db_g - Ch db_a;  pi' = rho - [ph] Ch db_g
 
@@ -242,21 +242,24 @@ class InvariantEkf(Eskf15):
 
     The differences between `iekf` and `eskf15` are of second order in the error. If the attitude is known to a few
     degrees, `iekf` and `eskf15` give nearly the same result. The following table compares both filters for different
-    errors of the initial yaw. The sigma of the initial yaw is equal to the error. The table is based on 6 drives of 14
-    s of `field_white` without a heading. The table lists the largest yaw error at the end of a drive, and the median
-    NEES of position and velocity from 8 s on, whose expected value is 6::
+    errors of the initial yaw. In each column of the table, the sigma of the initial yaw is equal to the error of the
+    initial yaw. The table is based on 6 drives of 14 s of `field_white` without a heading. The table lists the largest
+    yaw error at the end of a drive, and the median NEES of position and velocity from 8 s on, whose expected value is
+    6::
 
         initial yaw error       11      34      69     115 degrees
         eskf15, yaw [deg]      0.5     0.8     6.5     116         NEES  6.8   6.7   7.3   36
         iekf,   yaw [deg]      0.6     0.8     1.2     5.8         NEES  7.7   7.9   8.4   31
 
-    `iekf` adds the estimated error of the accelerometer bias unchanged. `eskf15` modifies this error so that the
-    vertical specific force is equal to the estimate of the linear filter. The modification matters if the biases are
-    large. With the IMU ``consumer`` (20 mg), the NEES of position and velocity after 36 s is 8.1 for `iekf` and 5.5 for
-    `eskf15` (20 drives, 95 % band 4.6 to 7.6). With the IMU ``tactical``, this NEES is 5.0 for both filters.
+    `iekf` adds the estimated error of the accelerometer bias unchanged. `eskf15` modifies the estimated error of the
+    accelerometer bias so that the vertical specific force is equal to the estimate of the linear filter. This
+    modification of the bias correction matters if the accelerometer bias is large. With the IMU ``consumer`` (20 mg),
+    the NEES of position and velocity after 36 s is 8.1 for `iekf` and 5.5 for `eskf15` (20 drives, 95 % band 4.6 to
+    7.6). With the IMU ``tactical``, the NEES of position and velocity is 5.0 for both filters.
 
-    As in `eskf15`, Phi does not include the Earth's rotation, because the error equation would then not be exactly
-    autonomous. Position and velocity are left-invariant observations, so the matrix H contains the estimate.
+    As in `eskf15`, Phi does not include the Earth's rotation, because the error equation with the Earth's rotation
+    would not be exactly autonomous. Position and velocity are left-invariant observations, so the matrix H contains the
+    estimate.
 
     The engine `filterpy` runs the reference implementation in NumPy. The engine `compiled` runs the same equations in
     compiled code.
@@ -264,8 +267,8 @@ class InvariantEkf(Eskf15):
     Source: A. Barrau, S. Bonnabel, "The invariant extended Kalman filter as a stable observer", IEEE Transactions on
     Automatic Control 62(4), 2017, doi:10.1109/TAC.2016.2594085; biases and discrete time: R. Hartley, M. Ghaffari, R.
     M. Eustice, J. W. Grizzle, "Contact-aided invariant extended Kalman filtering for robot state estimation", The
-    International Journal of Robotics Research 39(4), 2020, doi:10.1177/0278364919894385. Neither recommends values of
-    the sensor noise; the defaults are the same as in eskf15.
+    International Journal of Robotics Research 39(4), 2020, doi:10.1177/0278364919894385. Neither paper recommends
+    values of the sensor noise; the default values are the same as in `eskf15`.
     """
 
     provenance = Provenance(

@@ -17,15 +17,15 @@ from jerkbench.timeline import Timeline, build_timeline
 @register("filter", "gnss_only")
 @dataclass(frozen=True)
 class GnssOnly:
-    """Extrapolates the last fix with its velocity, without a filter and without the IMU.
+    """Extrapolates the last position fix with the last measured velocity, without a filter and without the IMU.
 
     The estimate at the time t is extrapolated from the last measured position p, at the time t_p, and the last measured
     velocity v::
 
         p(t) = p + v (t - t_p),    v(t) = v,    P_pp = R_p + R_v (t - t_p)^2
 
-    The difference between a filter and `gnss_only` shows the benefit of the filter. Each axis is extrapolated from the
-    last measurement of this axis, so position and velocity may have outages at different times.
+    The difference between the errors of a filter and of `gnss_only` shows the benefit of the filter. Each axis is
+    extrapolated from the last measurement of this axis, so position and velocity may have outages at different times.
     """
 
     provenance = Provenance("own", "", "Lower bound: the last fix, extrapolated with its velocity.")

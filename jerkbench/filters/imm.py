@@ -42,7 +42,7 @@ TWENTY_UPDATES = DefaultOrigin("ours: a model lasts 20 updates")
 @register("filter", "imm")
 @dataclass(frozen=True)
 class InteractingMultipleModels(Limited, CompiledEstimator):
-    """Two kinematic filters run in parallel and are mixed at each update by the likelihood of the measurements.
+    """Two kinematic filters run in parallel, and each update weights them by the likelihood of the measurement.
 
     A cycle consists of a measurement update and the prediction steps before this update. In the following equations of
     one cycle, mu are the mode probabilities and Pi are the transition probabilities::
@@ -53,8 +53,8 @@ class InteractingMultipleModels(Limited, CompiledEstimator):
         mu_j = c_j L_j/sum_k c_k L_k
         x = sum_j mu_j x_j,      P = sum_j mu_j (P_j + (x_j - x)(x_j - x)')
 
-    Between two updates, the mode probabilities are c. The matrix Pi is applied once per update and does not depend on
-    the time between updates.
+    Between two updates, the mode probabilities are the predicted probabilities c_j. The matrix Pi is applied once per
+    update and does not depend on the time between updates.
 
     Both filters need the same number of states. If `baseline` is paired with a nine-state filter, `baseline` is
     extended by an inert third state per axis, with A = [[1, dt, 0], [0, 1, 0], [0, 0, 1]]. The inert state has no
@@ -67,9 +67,9 @@ class InteractingMultipleModels(Limited, CompiledEstimator):
     computed from the combined prediction of both filters.
 
     An adaptation receives the innovation and the covariance H P H' of the combined prediction. Both filters use the
-    adapted R, so their likelihoods are comparable. If the adaptation drops all rows, the update and the mixing are
-    skipped. All adaptations that change only R are supported. Adaptations of the prior covariance are not supported,
-    because each of the two filters has a separate prior.
+    adapted R, so their likelihoods are comparable. If the adaptation drops all rows of a measurement, the update and
+    the mixing are skipped. All adaptations that change only R are supported. Adaptations of the prior covariance are
+    not supported, because each of the two filters has a separate prior.
 
     Source: H. A. P. Blom, Y. Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian
     switching coefficients", IEEE Trans. Automatic Control 33(8), 1988, doi:10.1109/9.1299.
@@ -301,7 +301,7 @@ def combined(x: FloatArray, P: FloatArray, weights: FloatArray) -> tuple[FloatAr
 def weighed(c: FloatArray, log_likelihood: FloatArray) -> FloatArray:
     """Return the mode probabilities mu (k,) from the weights c (k,) and the log likelihoods (k,) of k filters.
 
-    The likelihoods are divided by the largest likelihood, so that at least one of them does not underflow.
+    The likelihoods are divided by the largest likelihood, so that at least one likelihood does not underflow.
     """
     likely = c * np.exp(log_likelihood - log_likelihood.max())
     return np.asarray(likely / likely.sum())

@@ -52,12 +52,13 @@ class Eskf15Parameters(Limited):
     All lever arms are vectors in the body frame (forward, left, up).
 
     Attributes:
-        angle_random_walk_deg_per_sqrt_h: white noise of the gyro [deg/sqrt(h)].
-        velocity_random_walk_mps_per_sqrt_h: white noise of the accelerometer [m/s/sqrt(h)].
-        gyro_instability_deg_per_h: sigma of the time-varying part of the gyro bias, or 0 for a constant gyro bias
-            [deg/h].
+        angle_random_walk_deg_per_sqrt_h: density of the white noise of the gyro [deg/sqrt(h)].
+        velocity_random_walk_mps_per_sqrt_h: density of the white noise of the accelerometer [m/s/sqrt(h)].
+        gyro_instability_deg_per_h: standard deviation sigma of the time-varying part of the gyro bias, or 0 for a
+            constant gyro bias [deg/h].
         gyro_correlation_s: tau, correlation time of the time-varying part of the gyro bias [s].
-        accel_instability_mg: sigma of the time-varying part of the accelerometer bias, or 0 for a constant bias [mg].
+        accel_instability_mg: standard deviation sigma of the time-varying part of the accelerometer bias, or 0 for a
+            constant bias [mg].
         accel_correlation_s: tau, correlation time of the time-varying part of the accelerometer bias [s].
         gyro_turn_on_deg_per_h: standard deviation of the initial gyro bias [deg/h].
         accel_turn_on_mg: standard deviation of the initial accelerometer bias [mg].
@@ -89,8 +90,8 @@ class Eskf15Parameters(Limited):
             speed apply, usually the rear axle [m].
         constraint_interval_s: time between two zero-velocity or non-holonomic updates [s].
         reference_point_m: lever arm from the IMU to the point whose position and velocity the filter returns [m].
-        earth_rotation: if true, the filter compensates the Earth's rotation. The rotation is not compensated if the
-            recording has no origin. The mean at rest must not have been subtracted from the gyro data.
+        earth_rotation: if true, the filter compensates the Earth's rotation. The Earth's rotation is not compensated if
+            the recording has no origin. The compensation requires gyro data that still contain their mean at rest.
         earth_curvature: if true, the direction of gravity in the filter depends on the position.
     """
 
@@ -202,14 +203,14 @@ def run_inputs(
     return InertialInputs(recording.inertial, timeline, headings, events, start, _settings(parameters, recording))
 
 
-@lru_cache(maxsize=32)  # the number of recordings that a process caches
+@lru_cache(maxsize=32)  # the number of recordings in the cache
 def _events(steps: Same, imu: Imu, headings: Heading | None, constraint_interval_s: float) -> Events:
     t_s, updates, references = steps.objects
     return merge_events(t_s, updates, references, imu, headings, constraint_interval_s)
 
 
 def takes_timeline(parameters: Eskf15Parameters, recording: Recording) -> bool:
-    """Return whether a run can use the timeline of ``recording`` unchanged, with all measurement covariances."""
+    """Return whether a run can use the timeline of ``recording`` without changes to measurements and covariances."""
     unchanged = aided(parameters, recording) is recording and _velocity_frame(recording) == "enu"
     return unchanged and parameters.yaw_source != "track"
 
@@ -256,7 +257,7 @@ def _start(
 def first_yaw(
     parameters: Eskf15Parameters, recording: Recording, attitude: Attitude, sample: int
 ) -> tuple[float, float]:
-    """Return the initial yaw and its sigma [rad]. The sigma is 0 if the attitude filter does not report a sigma."""
+    """Return the initial yaw and its standard deviation [rad], which is 0 if the attitude filter reports none."""
     if parameters.yaw_source == "track":
         track, (roll, pitch, _) = required_track(recording, parameters.track_least_m), attitude.euler_rad.T
         yaw = estimate_yaw(recording.inertial, roll, pitch, track, YAW_WALK, COURSE_SIGMA_RAD)
@@ -289,7 +290,7 @@ def _settings(parameters: Eskf15Parameters, recording: Recording) -> InertialSet
 
 
 def _timeline(recording: Recording, attitude: Attitude) -> Timeline:
-    """Return the timeline with measured velocities in the frame of the measurement, but the initial velocity in ENU."""
+    """Return the timeline with measured velocities in the frame of the measurement and the initial velocity in ENU."""
     if recording.velocity is None or recording.velocity.frame == "enu":
         return build_timeline(recording, attitude)
     as_measured = replace(recording, velocity=replace(recording.velocity, frame="enu"))  # prevents a rotation to ENU

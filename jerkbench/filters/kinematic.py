@@ -33,10 +33,10 @@ class Baseline(AxisModels):
 
         x = [[1, dt], [0, 1]] x + b u,    Q = sigma_a^2 (dt0/dt) b b'
 
-    sigma_a is the noise of one IMU sample at the nominal interval dt0. If a measurement divides a sample into several
-    steps, the factor dt0/dt ensures that the total velocity variance of the sample does not change. The parameter
-    sigma_a has to cover all errors of u (noise, bias, and gravity due to attitude errors), so the accuracy of this
-    filter depends strongly on its tuning.
+    sigma_a is the standard deviation of the noise of one acceleration sample at the nominal sampling interval dt0. If a
+    measurement divides a sample into several steps, the factor dt0/dt ensures that the total velocity variance of the
+    sample does not change. The parameter sigma_a has to cover all errors of u (noise, bias, and gravity due to attitude
+    errors), so the accuracy of this filter depends strongly on its tuning.
 
     Source: the 6-state filter with which Candan, Atallah, Servadio and Arabi compare the jerk-augmented filter.
 
@@ -170,7 +170,8 @@ class Acceleration(AxisModels):
     errors of this filter and of `baseline` shows the benefit of the IMU.
 
     Source: the Wiener-process acceleration model (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to
-    Tracking and Navigation", 6.3, doi:10.1002/0471221279), the "9-state" filter of the paper's related work.
+    Tracking and Navigation", 6.3, doi:10.1002/0471221279), which is the "9-state" filter in the related work of the
+    paper on the filter `jerk`.
 
     Attributes:
         accel_walk_mps2_per_sqrt_s: sigma_w, intensity of the random walk of the acceleration [m/s2/sqrt(s)].
@@ -253,15 +254,16 @@ class OptimisedKalmanFilter(AxisModels):
         x = [[1, dt], [0, 1]] x + b u
         Q = dt [[q_p^2, rho q_p q_v], [rho q_p q_v, q_v^2]]
 
-    The source proposes to optimise the noise parameters of a Kalman filter on its true errors instead of estimating the
-    noise of the sensors. A comparison of an optimised method with a Kalman filter whose noise is only estimated is not
-    fair. The command `jerkbench tune filter=okf` optimises the three parameters of Q, and one factor each on the R of
-    position and velocity. The command minimises the true errors on some drives and evaluates the result on other
-    drives. With the default parameters, the filter is nearly identical to `baseline`.
+    Greenberg et al. propose to optimise the noise parameters of a Kalman filter on its true errors instead of
+    estimating the noise of the sensors. It is not fair to compare an optimised method with a Kalman filter whose noise
+    parameters are only estimated. The command `jerkbench tune filter=okf` optimises the three parameters of Q, a factor
+    of the R of the position, and a factor of the R of the velocity. The command `jerkbench tune` minimises the true
+    errors on some drives and evaluates the result on other drives. With the default parameters, the filter is nearly
+    identical to `baseline`.
 
     Source: I. Greenberg, N. Yannay, S. Mannor, "Optimization or architecture: how to hack Kalman filtering", NeurIPS
-    2023, doi:10.48550/arXiv.2310.00675. The source optimises all elements of the Cholesky factors of Q and R with
-    gradients. Here all axes have the same Q, R is the reported covariance times a factor, and the search uses no
+    2023, doi:10.48550/arXiv.2310.00675. Greenberg et al. optimise all elements of the Cholesky factors of Q and R with
+    gradients. In `okf`, all axes have the same Q, R is the reported covariance times a factor, and the search uses no
     gradients.
 
     Attributes:

@@ -87,28 +87,28 @@ class RauchTungStriebel(Smoother):
         Ps = P + G (Ps_{k+1} - P-_{k+1}) G',  symmetrised
 
     If the model is correct, no filter with the same model has a smaller expected error than the smoother. The
-    difference between the filter and the smoother shows the benefit of later measurements, which is largest in outages.
-    The smoother cannot be used online, and it does not correct a wrong model. The reported innovations and NIS are
-    computed in the forward pass. The backward pass uses the adapted R and the faded P- of the forward pass. For the
-    backward pass, a faded P- is equivalent to a larger Q. Adaptations that change P- or the gain in any other way are
-    not supported.
+    difference between the errors of the filter and of the smoother shows the benefit of later measurements, which is
+    largest in outages. The smoother cannot be used online, and it does not correct a wrong model. The reported
+    innovations and NIS are computed in the forward pass. The backward pass uses the adapted R and the faded P- of the
+    forward pass. For the backward pass, a faded P- is equivalent to a larger Q. Adaptations that change P- or the gain
+    in any other way are not supported.
 
     The engine `filterpy` runs the reference implementation in NumPy. The reference implementation stores every step,
-    which needs 1.4 kB per step with six states and 2.9 kB per step with nine states. The engine `compiled` runs a
-    backward pass with adjoint variables (`jerkbench.kinematic.smoother`), which does not invert P-. The states of both
-    engines agree to 1e-9 m. The covariances of both engines agree to 1e-12 of sqrt(P_ii P_jj), or to the effect that a
-    change in the last bits of the input has on the inverse of P-. In a gap between measurements, both engines subtract
-    nearly equal covariances. The rounding errors in a gap are about 1e-12 of the filtered P, which can be hundreds of
-    times larger than Ps. Compared with extended precision, the relative error of Ps after a gap of 4 s is up to 1e-10
-    in `compiled` and up to 6e-12 in `filterpy`. With an even larger filtered P, `compiled` is more accurate than
-    `filterpy`. The rounding errors of the filtered P have the same size.
+    which needs 1.4 kB of memory per step with six states and 2.9 kB with nine states. The engine `compiled` runs a
+    backward pass with adjoint variables (`jerkbench.kinematic.smoother`), which does not invert P-. The states of the
+    two engines agree to 1e-9 m. The covariances of the two engines agree to 1e-12 of sqrt(P_ii P_jj), or to the
+    difference that a change in the last bits of the input causes in the inverse of P-. In a gap between measurements,
+    both engines subtract nearly equal covariances. The rounding errors of Ps in a gap are about 1e-12 of the filtered
+    P, which can be hundreds of times larger than Ps. Compared with extended precision, the relative error of Ps after a
+    gap of 4 s is up to 1e-10 in `compiled` and up to 6e-12 in `filterpy`. If the filtered P is even larger, `compiled`
+    is more accurate than `filterpy`. The rounding errors of the filtered P are also about 1e-12 of the filtered P.
 
     Source: H. E. Rauch, F. Tung, C. T. Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA
     Journal 3(8), 1965, doi:10.2514/3.3166.
 
     Attributes:
-        model: name of the kinematic filter: baseline, bias or jerk. The parameters of the two other kinematic filters
-            have no effect.
+        model: name of the kinematic filter: baseline, bias or jerk. Parameters that the kinematic filter ``model`` does
+            not have are ignored.
         accel_mps2: sigma_a, noise of one sample of the acceleration u [m/s2].
         jerk_mps3_per_sqrt_s: sigma_j, intensity of the random walk of the jerk [m/s3/sqrt(s)].
         initial_jerk_mps3: standard deviation of the initial jerk [m/s3].
@@ -148,15 +148,16 @@ class SmoothedFixes(Smoother):
     """The Rauch-Tung-Striebel smoother over position fixes without the IMU: every estimate uses all fixes.
 
     The equations are the same as in `rts`, but the filter of the forward pass does not use the measured acceleration.
-    With the model `constant_turn`, this is an extended Kalman smoother, in which F is the Jacobian at the filtered
-    state. The command `jerkbench smooth` tunes this smoother on a log and writes the smoothed track to a GPX file.
+    With the model `constant_turn`, the smoother is an extended Kalman smoother, in which F is the Jacobian at the
+    filtered state. The command `jerkbench smooth` tunes this smoother on a log and writes the smoothed track to a GPX
+    file.
 
     Source: H. E. Rauch, F. Tung, C. T. Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA
     Journal 3(8), 1965, doi:10.2514/3.3166.
 
     Attributes:
-        model: name of the kinematic filter: acceleration, constant_turn or constant_velocity. The parameters of the two
-            other kinematic filters have no effect.
+        model: name of the kinematic filter: acceleration, constant_turn or constant_velocity. Parameters that the
+            kinematic filter ``model`` does not have are ignored.
         velocity_walk_mps_per_sqrt_s: q, intensity of the random walk of the velocity [m/s/sqrt(s)].
         turn_walk_radps_per_sqrt_s: q_w, intensity of the random walk of the turn rate [rad/s/sqrt(s)].
         initial_turn_radps: standard deviation of the initial turn rate [rad/s].
@@ -196,7 +197,8 @@ class ForwardPass(NamedTuple):
         P: (n, s, s) posterior covariances of ``x``.
         x_prior: (n, s) prior states, before the update of each step.
         P_prior: (n, s, s) prior covariances of ``x_prior``, including the fading factor of the adaptation.
-        F: list of n transition matrices (s, s), each from the previous step to this step. The first matrix is not used.
+        F: list of n transition matrices (s, s), each from the previous step to this step. The first of the matrices is
+            not used.
     """
 
     x: FloatArray
@@ -240,10 +242,10 @@ def _start(timeline: Timeline, model: Filter | ConstantTurn) -> tuple[FloatArray
 
 
 def _forward(timeline: Timeline, model: Filter | ConstantTurn, update: MeasurementUpdates) -> tuple[ForwardPass, str]:
-    """Run the forward pass and return its results, and the reason of the divergence.
+    """Run the forward pass, and return its results and the reason for a divergence of the filter.
 
     If the filter diverges, the results end before the step of the divergence. If the filter does not diverge, the
-    reason is an empty string.
+    returned reason is an empty string.
     """
     x, P, predicted = _start(timeline, model)
     n, s = len(timeline.dt_s), len(x)

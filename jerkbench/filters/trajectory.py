@@ -41,7 +41,7 @@ from jerkbench.recording import Recording
 @register("filter", "trajectory")
 @dataclass(frozen=True, kw_only=True)
 class TrajectoryFile(TrajectoryForm):
-    """Reads an estimate from a file and interpolates it; `jerkbench score` is a short form of this filter.
+    """Reads an estimate from a file and interpolates it at the time stamps of the reference.
 
     The estimate at the time stamp t of the reference is interpolated linearly between the samples (t_i, p_i) of the
     file::
@@ -50,15 +50,16 @@ class TrajectoryFile(TrajectoryForm):
         p(t) = p_i + (p_(i+1) - p_i) (t - t_i)/(t_(i+1) - t_i)    if t_i < t < t_(i+1) and t_(i+1) - t_i <= max_gap_s
 
     Velocity and covariance are also interpolated linearly, and the attitude is interpolated along the shortest
-    rotation. The trajectory is not aligned, shifted or scaled. The filter raises an error if a gap is longer than
-    max_gap_s, if a number is not finite, or if the trajectory starts after the time from which errors are counted. If
-    the trajectory ends before the reference, the run counts as stopped. A metric is NaN if the file does not contain
-    the quantity that the metric needs. If the file contains only positions, the metrics of velocity and consistency are
-    NaN.
+    rotation. The command `jerkbench score` is a short form of `jerkbench run` with this filter. The trajectory is not
+    aligned, shifted or scaled. The filter raises an error if a gap is longer than max_gap_s, if a number is not finite,
+    or if the trajectory starts after the time from which errors are counted. If the trajectory ends before the
+    reference, the run counts as stopped. A metric is NaN if the file does not contain the quantity that the metric
+    needs. If the file contains only positions, the metrics of velocity and consistency are NaN.
 
     Attributes:
         file: path of the trajectory file. If the path contains the placeholder {seed}, each seed has a separate file.
-        label: name of the filter in tables, to which "(external)" is appended. If empty, the name of the file is used.
+        label: name of the filter in tables, to which "(external)" is appended. If the label is empty, the name of the
+            file is used.
     """
 
     provenance = Provenance("own", "", "A file of the user; see the documentation of the program that wrote it.")
@@ -115,9 +116,10 @@ class TrajectoryFile(TrajectoryForm):
 
 
 MAX_CLOCK_SHIFT_S, CLOCK_STEP_S, MIN_CLOCK_SHIFT_S = 60.0, 0.25, 1.0
-"""Largest shift that is tried, step of the first search, and smallest shift that is called another clock [s]."""
+"""Largest shift that is tried, step of the first search, and smallest shift that is regarded as a different clock
+[s]."""
 MAX_ERROR_RATIO = 0.1
-"""The clocks differ if the RMSE after the shift is at most this fraction of the RMSE before it."""
+"""The clocks differ if the RMSE after the shift is at most this fraction of the RMSE without a shift."""
 MAX_COMPARED = 2000
 """Maximum number of stamps at which the shifts are compared."""
 
@@ -125,11 +127,11 @@ MAX_COMPARED = 2000
 def require_same_clock(trajectory: Trajectory, recording: Recording) -> None:
     """Require that no constant shift of time explains nearly all of the position error.
 
-    A filter may lag by some tenths of a second, which is an error of the filter. A shift by more than one second is a
-    different clock, for example GPS time (18 s ahead) instead of UTC.
+    A lag of some tenths of a second is an error of the filter. A shift of more than one second means that the file has
+    a different clock, for example GPS time (18 s ahead) instead of UTC.
 
     Raises:
-        RecordingError: the position RMSE after a shift by more than one second is ten times smaller than before.
+        RecordingError: a shift of more than one second reduces the position RMSE to a tenth or less.
     """
     from scipy.optimize import minimize_scalar
 
@@ -139,7 +141,7 @@ def require_same_clock(trajectory: Trajectory, recording: Recording) -> None:
     t_s, truth_m = reference.t_s[rows], reference.enu_m[rows]
 
     def rmse_m(shift_s: float) -> float:
-        """Return the position RMSE if the stamps of the trajectory are ``shift_s`` too late."""
+        """Return the position RMSE [m] for the assumption that the trajectory's stamps are ``shift_s`` too late."""
         at_s = t_s + shift_s
         inside = (at_s >= trajectory.t_s[0]) & (at_s <= trajectory.t_s[-1])
         if inside.sum() < max(2, len(t_s) // 4):
@@ -218,7 +220,7 @@ def run_program(arguments: Sequence[str], folder: Path, limit_s: float) -> None:
 
 
 def _exit_code(arguments: Sequence[str], outputs: tuple[IO[bytes], IO[bytes]], limit_s: float) -> int | None:
-    """Return the exit code of a program, or None if it exceeds the time limit and is killed."""
+    """Return the exit code of a program, or None if the program exceeds the time limit and is killed."""
     process = None
     try:
         with _deferred_signals():
@@ -243,7 +245,7 @@ def _start_process(arguments: Sequence[str], outputs: tuple[IO[bytes], IO[bytes]
 
 @contextmanager
 def _deferred_signals() -> Iterator[None]:
-    """Defer SIGINT and SIGTERM, because `_exit_code` cannot kill a program before it has the process object."""
+    """Defer SIGINT and SIGTERM during the start of a program, which `_exit_code` cannot kill before the start ends."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -263,8 +265,8 @@ def _deferred_signals() -> Iterator[None]:
 def _sigterm_raises() -> Iterator[None]:
     """Raise SystemExit on SIGTERM, so that the program is also killed if a sweep terminates this process.
 
-    Python sets signal handlers only in the main thread. The worker processes of a sweep run their tasks in the main
-    thread.
+    Outside the main thread, this function does nothing, because Python sets signal handlers only in the main thread.
+    The worker processes of a sweep run their tasks in the main thread.
     """
     if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
         yield
@@ -329,20 +331,20 @@ class Command(TrajectoryForm):
     The command may contain these placeholders:
 
     The placeholder {recording} is the path of the recording in the first of the ``formats``. By default, the recording
-    is the file recording.csv, with one row for each time stamp of any stream. The file recording.json in the same
-    folder describes the columns of recording.csv. The reference trajectory is never written. The placeholder {folder}
-    is the temporary folder, which contains the recording in all ``formats``. The placeholder {out} is the path of the
-    file that the program has to write. The placeholder {seed} is replaced by the seed of the run.
+    is the file recording.csv, with one row for each time stamp of any sensor. The file recording.json in the same
+    folder describes the columns of recording.csv. The reference trajectory is never given to the program. The
+    placeholder {folder} is the temporary folder, which contains the recording in all ``formats``. The placeholder {out}
+    is the path of the file that the program has to write. The placeholder {seed} is replaced by the seed of the run.
 
     The output file has the same format as the file of the filter `trajectory`, and is interpolated in the same way. A
     run fails if the program fails, exceeds the time limit, or writes a file that cannot be scored. If the program fails
     or exceeds the time limit, the error message contains the last lines of standard error. The key of a stored result
-    includes a digest of the program and of all scripts in the command.
+    includes a digest of the program and of each argument that is an existing file.
 
     Attributes:
         command: command line of the program. Relative paths are relative to the folder in which jerkbench is started.
-        label: name of the filter in tables, to which "(program)" is appended. If empty, the name of the script or of
-            the program is used.
+        label: name of the filter in tables, to which "(program)" is appended. If the label is empty, the name of the
+            script or of the program is used.
         formats: formats in which the recording is written. Supported formats are csv, parquet, bag (ROS 1) and mcap
             (ROS 2).
         out: name of the output file in {folder}. The extension of this name determines the format of the file.
@@ -372,7 +374,7 @@ class Command(TrajectoryForm):
 
     @property
     def table_label(self) -> str:
-        """Name of this filter in tables: the label, or the name of the script, or the name of the program."""
+        """Name of this filter in tables: the label, or without a label, the name of the script or of the program."""
         return f"{self.label or self._stem}(program)"
 
     @property

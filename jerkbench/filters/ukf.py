@@ -29,22 +29,23 @@ MINUS_STATES = Limit(lambda kappa: kappa > -15.0, "it must be above -15, minus t
 @register("filter", "ukf")
 @dataclass(frozen=True)
 class Ukf(InertialFilter):
-    """Inertial navigation with an unscented Kalman filter over the error state, with attitudes as rotation vectors.
+    """Inertial navigation with an unscented Kalman filter, whose error state has the attitude as a rotation vector.
 
-    The nominal state, the measurements, the initialisation and the parameters are the same as in `eskf15`. The scale
-    error of a wheel, and the Earth's rotation and curvature are not supported. Sigma points replace the matrices Phi
-    and H. The following equations define the sigma points dx_i and their weights, with n = 15 states::
+    The nominal state, the measurements, the initialisation and the parameters are the same as in `eskf15`. The
+    estimation of the wheel scale and the compensation of the Earth's rotation and curvature are not supported. Sigma
+    points replace the matrices Phi and H. The following equations define the sigma points dx_i and their weights, with
+    n = 15 states::
 
         dx_0 = 0,  dx_i = +-row i of the Cholesky factor of (n + lambda) P;  lambda = alpha^2 (n + kappa) - n
         weights: W_0 = lambda/(n + lambda) (for P: + 1 - alpha^2 + beta), otherwise 1/(2 (n + lambda))
 
-    Each error dx_i is applied to the nominal state. The attitude is C_i = Exp(phi_i) C, and the other components are
-    added. Each resulting state is propagated over every IMU sample with the strapdown equations. The propagated state
-    is converted back into an error about sigma point 0, where phi_i is the rotation vector of C_i C_0'. The unscented
-    transform of filterpy computes the mean and the covariance of these errors, and the filter adds the Q of `eskf15` to
-    the covariance. filterpy also computes the measurement update, with the predicted measurement h(x) of each sigma
-    point. The updated mean is applied to the nominal state immediately, and P is then computed about the new nominal
-    state.
+    Each error dx_i is applied to the nominal state. The attitude of sigma point i is C_i = Exp(phi_i) C, and the other
+    components of dx_i are added to the nominal state. The state of each sigma point is propagated over every IMU sample
+    with the strapdown equations. The propagated state is converted back into an error about sigma point 0, where phi_i
+    is the rotation vector of C_i C_0'. The unscented transform of filterpy computes the mean and the covariance of the
+    propagated errors, and the filter adds the Q of `eskf15` to the covariance. filterpy also computes the measurement
+    update, with the predicted measurement h(x) of each sigma point. The updated mean is applied to the nominal state
+    immediately, and P is then computed about the new nominal state.
 
     If the attitude is known to a few degrees, the result is nearly the same as with `eskf15`. The UKF needs no
     derivatives and includes the second-order effects of a large error of the initial yaw. All adaptations that change
@@ -61,7 +62,7 @@ class Ukf(InertialFilter):
 
     Attributes:
         alpha: spread of the sigma points, which lie at alpha sqrt(n + kappa) standard deviations [-].
-        beta: parameter of the weights for the fourth moment of the prior, which is 2 for a Gaussian prior [-].
+        beta: parameter of the covariance weight of sigma point 0; the value 2 is optimal for a Gaussian prior [-].
         kappa: secondary scaling parameter, which increases the weight of sigma point 0 [-].
     """
 
@@ -137,7 +138,8 @@ def rotation_vectors(dcm: FloatArray) -> FloatArray:
 class UnscentedRun(InertialRun):
     """One run of the unscented Kalman filter.
 
-    The base class processes the events of the run. This class replaces the prediction and the measurement update.
+    The base class `InertialRun` processes the measurements and the constraints in the order of time. This class
+    replaces the prediction and the measurement update of the base class.
     """
 
     def __init__(self, inputs: InertialInputs, adaptation: Adaptation, points: Any) -> None:  # noqa: ANN401 - filterpy's

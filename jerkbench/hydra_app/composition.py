@@ -89,8 +89,8 @@ def compose_jobs(loader: ConfigLoader, sweep: DictConfig, jobs: Sequence[Sequenc
     """Compose all jobs of a sweep. Jobs with equal overrides are returned once.
 
     A parameter whose key contains the name of a plugin (``adaptation.mtf.window=4``,
-    ``disturbance.gnss_outage.first_s=8``) is used for the jobs with this plugin. For the other jobs, the parameter is
-    removed from the overrides.
+    ``disturbance.gnss_outage.first_s=8``) is used for the jobs with this plugin. For jobs without this plugin, the
+    parameter is removed from the overrides.
 
     Raises:
         HydraException: A job cannot be composed.
@@ -186,7 +186,7 @@ class _Composer:
 def _with(plain: object, path: Sequence[str], value: object, owner: tuple[str, ...] = ()) -> dict[str, Any]:
     """Return a copy of ``plain`` with a new value at ``path``.
 
-    Error messages start with ``owner``, the path of ``plain``.
+    ``owner`` is the path of ``plain`` in the configuration. Keys in error messages start with this path.
     """
     known = plain if isinstance(plain, dict) else {}
     key, *rest = path

@@ -38,9 +38,9 @@ class Schema:
     Attributes:
         study: Name of the study. The results of the study are in the folder ``results``/``study``.
         results: Folder of all results.
-        seeds: Number of seeds of a combination with random parts.
-        max_seeds: Maximum number of seeds of a combination, up to which seeds are added in blocks while a comparison is
-            undecided. If ``max_seeds`` is 0, no seeds are added.
+        seeds: Number of seeds (runs) of each combination with random parts.
+        max_seeds: Maximum number of seeds of a combination. While a comparison is undecided, seeds are added in blocks
+            up to this number. If ``max_seeds`` is 0, no seeds are added.
         first_seed: The first seed of a combination with random parts.
         burn_in_s: Time after the start before which errors are not counted [s].
         divergence_limit_m: Position error above which a run counts as diverged [m].
@@ -48,9 +48,8 @@ class Schema:
             metrics.
         workers: Number of processes of a sweep. If ``workers`` is 0, one process is used for each processor.
         cluster: The cluster that runs a sweep.
-        figures: Selection of the figures: none, few or all. Unless the selection is none, a single run draws its
-            trajectory and its errors. The report of a sweep draws the scenarios and methods with a finding (few) or
-            every scenario (all).
+        figures: Selection of the figures: none, few or all. With few or all, a single run draws its trajectory and its
+            errors. The report of a sweep draws the scenarios and methods with a finding (few) or every scenario (all).
         figures_pdf: Whether to write each figure also as a PDF.
         report: Whether to write a report at the end of a sweep. ``jerkbench report`` can write the report later.
         r_scale: Factors on the reported R that the filter receives (``position``, ``velocity``). The factors do not
@@ -86,7 +85,7 @@ class Schema:
 
 
 OPTIONS = {owner: [f.name for f in fields(schema)] for owner, schema in (("", Schema), ("noise.", Noise))}
-"""The names of the options without a prefix, and of those with the prefix ``noise.``."""
+"""The names of the options without a prefix, and of the options with the prefix ``noise.``."""
 
 SWEEPER: dict[str, Any] = {"_target_": "hydra_plugins.jerkbench.JerkbenchSweeper", "max_batch_size": None, "params": {}}
 
@@ -239,7 +238,7 @@ def cluster_of(options: Options) -> Cluster:
     """Create the cluster of a sweep from its configuration.
 
     Raises:
-        PluginError: No cluster is selected, its class is not in `CLUSTERS`, or the class does not have the options.
+        PluginError: No cluster is selected, its class is not in `CLUSTERS`, or an option of the cluster is unknown.
     """
     cluster = options["cluster"]
     if not (isinstance(cluster, Mapping) and cluster.get("_target_")):

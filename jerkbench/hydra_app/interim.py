@@ -44,7 +44,7 @@ def typed(override: str) -> list[str]:
 
 
 def remaining_analyses(plan: Plan, first: int, maximum: int, store: Store) -> list[tuple[Plan, float]]:
-    """Return the interim analyses of a sweep from the last analysis whose runs are all stored (or from the first one).
+    """Return the interim analyses from the last analysis whose runs are all stored, or else from the first analysis.
 
     An analysis consists of a plan, which includes the runs of all earlier analyses, and of a significance level. The
     significance levels divide the error probability of 5 % of the study between the analyses.
@@ -78,7 +78,7 @@ def _with_seeds(job: Job, seeds: int) -> Job:
 def forecast(plan: Plan, store: Store, workers: int) -> Iterator[str]:
     """Yield lines with the state of each combination, the combinations that are left out, and the estimated time.
 
-    The time is estimated from the stored runs of this study and of the other studies in the same parent folder.
+    The time is estimated from the stored runs of all studies in the parent folder of the study.
     """
     known = store.known(plan.draws)
     left = {job.key: len(missing(job, known.get(job.key, ()))) for job in plan.jobs}

@@ -98,7 +98,7 @@ def _checked(text: str, *, sweeping: bool) -> str:
     """Return an override in which glob(PATTERN) is replaced by the matching names of the group.
 
     Raises:
-        PluginError: The override is invalid in every configuration.
+        PluginError: The override is invalid, independently of the other overrides.
     """
     override = parsed_override(text)
     key, value, several = override.key_or_group, override.value(), override.is_sweep_override()
@@ -178,7 +178,7 @@ def _without_addresses(overrides: Sequence[str]) -> list[str]:
 
 
 def ranges_listed(overrides: Sequence[Override]) -> list[Override]:
-    """Replace each range by a list of its values, which are rounded to 12 digits (0.3, and not .1 + .1 + .1).
+    """Replace each range by a list of its values, rounded to 12 decimals (0.3 instead of 0.30000000000000004).
 
     Raises:
         PluginError: A range is infinite or empty, or there are more combinations than `MAX_COMBINATIONS`.

@@ -59,8 +59,8 @@ class TuneOptions:
         choose_seeds: Number of seeds for the validation of the finalists.
         test_seeds: Number of seeds for the test.
         finalists: Number of the best settings that are evaluated again on the validation seeds.
-        restarts: Number of searches with different seeds. The tuning uses the result of the first search. The other
-            searches show the effect of chance.
+        restarts: Number of searches with different seeds. The tuning uses the result of the first search. The results
+            of the other searches show how much the result depends on the seed of the sampler.
         knobs: Names of the parameters to tune. If ``knobs`` is empty, all parameters with a range are tuned.
     """
 

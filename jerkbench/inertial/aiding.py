@@ -1,12 +1,12 @@
-"""Updates of the compiled navigation: position and velocity of a point, constraints, heading, and the correction.
+"""Updates of the compiled navigation with positions, velocities, motion constraints and headings, and the correction.
 
-The measurement update of the kinematic filters requires that the first six states are measured. Therefore the first six
-states are replaced by the predicted measurement h = [position; velocity], and the covariance is transformed to the
-covariance of the error of h. The transformation is linear, with an invertible matrix T::
+The measurement update of the kinematic filters requires that the first six states are measured. Before an update, the
+first six states are therefore replaced by the predicted measurement h = [position; velocity], and the covariance is
+transformed to the covariance of the error of h. The transformation is linear, with an invertible matrix T::
 
     dh = T dx,    P_h = T P T',    and after the update    dx = T^-1 dh,    P = T^-1 P_h T^-1'
 
-The module `jerkbench.inertial.update` documents the rows of T. The transformation does not change the other states.
+The module `jerkbench.inertial.update` documents the rows of T. The transformation T changes only the first six states.
 After the update, the estimated error is added to the nominal state.
 """
 
@@ -38,7 +38,7 @@ def to_measurement(run: Runs, arm: FloatArray, velocity_arm: FloatArray, frame: 
     """Replace position and velocity by the predicted measurement, and transform the covariance accordingly.
 
     Args:
-        run: record of the eight runs.
+        run: record with the states of the eight runs.
         arm: (3,) lever arm of the measured position.
         velocity_arm: (3,) lever arm of the measured velocity.
         frame: (2,) two flags of the measured velocity. The first flag is 1 for the body frame and 0 for ENU. The second
@@ -141,7 +141,7 @@ def constrain(run: Runs, kind: float, limits: FloatArray, point: FloatArray) -> 
     """Apply a zero-velocity update if the vehicle is stationary, otherwise the non-holonomic constraint.
 
     Args:
-        run: record of the eight runs.
+        run: record with the states of the eight runs.
         kind: 2 if the IMU is stationary, 1 if the IMU is moving, or 0 if no constraint is applied.
         limits: (3,) the fields still_below_mps, still_sigma_mps and sideways_sigma_mps of `run_inputs.Constraints`.
         point: (3,) lever arm of the non-holonomic constraint.
@@ -169,12 +169,12 @@ def constrain(run: Runs, kind: float, limits: FloatArray, point: FloatArray) -> 
 
 @not_inlined
 def update_heading(run: Runs, yaw: float, sigma: float) -> None:
-    """Update the error state and its covariance with a measured yaw, where K = P H'/S and P+ = P - K S K'.
+    """Update the error state and its covariance with a measured yaw: K = P H'/S and P+ = P - K S K'.
 
     The estimated errors of position and velocity are added directly to the nominal position and velocity.
 
     Args:
-        run: record of the eight runs.
+        run: record with the states of the eight runs.
         yaw: measured yaw [rad], or NaN for each run without a measurement.
         sigma: standard deviation of the measured yaw [rad].
     """

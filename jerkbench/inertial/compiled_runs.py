@@ -60,14 +60,14 @@ def run_many_inertial(
         all_inputs: the inputs of each run, or None for each run that is skipped.
         scorings: the true values and error weights of each run.
         adaptations: the adaptation of each run.
-        updates: whether the innovations are stored.
-        attitude: whether the attitude is stored.
+        updates: whether the results contain the innovations.
+        attitude: whether the results contain the attitude.
         threads: maximum number of batches that are processed at the same time.
 
     Returns:
         The error sums of each run. The result is None for a run that failed or diverged, that does not reach every
-        scored time stamp of the reference, or whose adaptation numba cannot compile. Runs with the result None must be
-        repeated with a trajectory.
+        scored time stamp of the reference, or whose adaptation numba cannot compile. The caller has to repeat each run
+        with the result None and store its trajectory.
     """
     selected = [
         (k, inputs, rule)
@@ -158,13 +158,13 @@ def _arms(s: InertialSettings) -> FloatArray:
     return np.array([s.antenna_m, velocity_m, s.constraints.sideways_point_m, s.reference_point_m])
 
 
-@lru_cache(maxsize=8)  # the next adaptation reuses the samples; each entry needs about 6 MB
+@lru_cache(maxsize=8)  # runs with another adaptation reuse the samples; each entry needs about 6 MB
 def _imu_samples(imus: tuple[Imu, ...]) -> tuple[FloatArray, FloatArray]:
     return stack_runs([imu.accel_mps2 for imu in imus]), stack_runs([imu.gyro_radps for imu in imus])
 
 
 def _headings(all_inputs: Sequence[InertialInputs]) -> tuple[IntArray, FloatArray]:
-    """Return ``heading`` and ``yaw`` of `InertialBatch`. A missing heading has a standard deviation of 1."""
+    """Return ``heading`` and ``yaw`` of `InertialBatch`, with a standard deviation of 1 for a missing heading."""
     events = np.array([inputs.events.heading for inputs in all_inputs])
     steps = np.flatnonzero((events >= 0).any(axis=0))
     yaw = np.ones((len(steps), 2, len(all_inputs)))

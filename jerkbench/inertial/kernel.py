@@ -30,7 +30,7 @@ def navigation_layout(s: int) -> np.dtype[Any]:
         "C": (3, 3),  # attitude as the rotation from the body frame to ENU
         "gyro_bias": (3,),
         "accel_bias": (3,),
-        "wheel_scale": (1,),  # wheel scale error, or 0 if it is not estimated
+        "wheel_scale": (1,),  # scale error of the wheel speed, or 0 if this error is not estimated
         "rate": (3,),  # angular rate of the body, corrected by the gyro bias
         "force": (3,),  # specific force in the body frame, corrected by the accelerometer bias
         "rotation": (3, 3),  # rotation matrix of a time step or of a correction
@@ -43,11 +43,11 @@ def navigation_layout(s: int) -> np.dtype[Any]:
         "shift": (6,),  # change of position and velocity by a correction on the group SE_2(3)
         "predicted": (6,),  # predicted measurement h
         "arm": (3,),  # lever arm C l of the measured position in ENU
-        "dh_dv": (3, 3),  # derivatives dh_dx of the predicted velocity with respect to the error x
+        "dh_dv": (3, 3),  # dh_dx: derivative of the predicted velocity with respect to the error x
         "dv_dh": (3, 3),  # inverse of dh_dv
         "dh_dphi": (3, 3),
         "dh_dgyro": (3, 3),
-        "dh_dscale": (1,),  # derivative of the first velocity component; the other two are zero
+        "dh_dscale": (1,),  # derivative of the predicted forward velocity; zero for the other two components
         "column": (s,),  # this array and all following arrays are buffers
         "half": (9, s),
         "vectors": (9, 3),

@@ -132,7 +132,7 @@ def _rotated(dcm: FloatArray, rate_radps: FloatArray, dt_s: FloatArray, earth: E
 def _integrated(
     state: NavigationState, force: FloatArray, dt_s: FloatArray, earth: Earth
 ) -> tuple[FloatArray, FloatArray]:
-    """Return position and velocity (k, 3), which are integrated step by step."""
+    """Integrate position and velocity, and return their values (k, 3) at the end of each step."""
     p, v = np.empty((2, len(dt_s), 3))
     position, velocity = state.position_m, state.velocity_mps
     for k, dt in enumerate(dt_s.tolist()):
@@ -195,8 +195,8 @@ def process_noise(noise: SensorNoise, dt_s: float, states: int = STATES) -> Floa
     """Return the process noise Q (n, n) of a time step. All states after the fifteenth state are constant.
 
     White accelerometer noise adds [[dt^3/3, dt^2/2], [dt^2/2, dt]] q_a to the covariance of position and velocity, and
-    white gyro noise adds dt q_g to the covariance of phi. Each bias is a random walk. Q neglects the effects of gyro
-    noise and bias walks on the velocity within one step. The process noise of two half steps is equivalent to the
+    white gyro noise adds dt q_g to the covariance of phi. Each sensor bias is a random walk. Q neglects the effects of
+    gyro noise and bias walks on the velocity within one step. The process noise of two half steps is equivalent to the
     process noise of the full step.
     """
     q = np.zeros((5, 5))

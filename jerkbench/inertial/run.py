@@ -65,7 +65,7 @@ class InertialRun:
         self.dcms: list[FloatArray] = []
 
     def solve(self) -> InertialSolution:
-        """Process all events of the run. The run ends early if the covariance is no longer positive definite."""
+        """Process all time steps of the run. The run ends early if the covariance is no longer positive definite."""
         events, constrained = self.inputs.events, self.inputs.is_constrained
         corrects = (events.update >= 0) | (events.heading >= 0) | constrained
         is_end = np.arange(len(corrects)) % MAX_STEPS == MAX_STEPS - 1
@@ -117,11 +117,11 @@ class InertialRun:
             self._update_heading(float(self.headings.yaw_rad[row]), float(self.headings.sigma_rad[row]))
         if constrained:
             self._constrain(int(events.sample[k]))
-        finite = all(bool(np.isfinite(part).all()) for part in self.state[:5])  # then wheel_scale is also finite
+        finite = all(bool(np.isfinite(part).all()) for part in self.state[:5])  # wheel_scale is finite if these are
         return finite and has_factor(self.P)
 
     def _update(self, update: int) -> None:
-        """Update with row ``update`` of the measured positions and velocities, and with the adapted R."""
+        """Update the state with row ``update`` of the measured positions and velocities, and with the adapted R."""
         h, H = self._predict_measurement(self.state, self.rate)
         y, R, rows = self.updates.take(update, lambda z, rows: (z - h[rows], H[rows] @ self.P @ H[rows].T))
         if rows.size:

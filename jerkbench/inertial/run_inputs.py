@@ -14,7 +14,7 @@ from jerkbench.timeline import Timeline, merged_times, nanoseconds
 
 
 class Events(NamedTuple):
-    """The time steps of one run. Each step is a prediction over dt_s, followed by the events at the end of the step.
+    """The time steps of one run: a prediction over dt_s, followed by the updates at the end of the step.
 
     Attributes:
         t_s: (n,) time at the end of each step [s].
@@ -50,9 +50,10 @@ def merge_events(
         updates: (n,) row of the measurements that are used after each step, or -1 if no update follows the step.
         references: (n,) row of the reference at the end of each step, or -1 if the reference has no time stamp there.
         imu: samples of the IMU.
-        headings: measured headings, or None. Headings before the first step or after the last step are ignored.
-        constraint_interval_s: interval of the motion constraints [s]. The constraints are applied after the first step
-            that ends in each interval of this length.
+        headings: measured headings, or None if the filter uses no headings. Headings before the first step or after the
+            last step are ignored.
+        constraint_interval_s: time between two applications of the motion constraints [s]. The constraints are applied
+            after the first step that ends in each interval of this length.
     """
     step_ns = nanoseconds(t_s)
     heading_ns = nanoseconds(headings.t_s if headings is not None else np.empty(0))
@@ -84,9 +85,9 @@ def still_samples(imu: Imu, window_s: float, accel_mps2: float, gyro_radps: floa
 
     The IMU is regarded as stationary if the standard deviation of the specific force over the window is below
     ``accel_mps2``, and the standard deviation of the angular rate is below ``gyro_radps``. Each standard deviation is
-    the root of the sum of the variances of the three axes. Constant values, such as gravity and a bias, have no effect.
-    The IMU also appears stationary during steady motion on a smooth road, so the estimated speed must be checked in
-    addition. The result is False before the end of the first window.
+    the root of the sum of the variances of the three axes. Constant parts of the measurements, such as gravity and
+    biases, do not change the standard deviations. The IMU also appears stationary during steady motion on a smooth
+    road, so the caller must also check the estimated speed. The result is False before the end of the first window.
     """
     samples = max(round(window_s / imu.nominal_interval_s), 2)
     still = _running_deviation(imu.accel_mps2, samples) < accel_mps2
@@ -140,8 +141,9 @@ class InertialSettings(NamedTuple):
         antenna_m: (3,) lever arm from the IMU to the GNSS antenna, in the body frame [m].
         reference_point_m: (3,) lever arm from the IMU to the point whose position and velocity are returned, in the
             body frame [m].
-        velocity_frame: frame of the measured velocity. The value "enu" is the velocity of the antenna in ENU, "body"
-            the velocity of the IMU in the body frame, and "speed" the velocity of the wheel in the body frame.
+        velocity_frame: frame of the measured velocity. The value "enu" means the velocity of the antenna in ENU, "body"
+            means the velocity of the IMU in the body frame, and "speed" means the velocity of the wheel in the body
+            frame.
         constraints: settings of the motion constraints.
         invariant: whether corrections are applied on the group SE_2(3) (invariant filter).
     """
@@ -161,7 +163,7 @@ class InertialInputs(NamedTuple):
     Attributes:
         imu: samples of the IMU.
         timeline: timeline with the measurements of position and velocity.
-        headings: measured headings, or None.
+        headings: measured headings, or None if the filter uses no headings.
         events: time steps and the events at the end of each step.
         start: initial nominal state and covariance (n, n) of its error.
         settings: settings of the filter.
@@ -176,7 +178,7 @@ class InertialInputs(NamedTuple):
 
     @property
     def is_constrained(self) -> BoolArray:
-        """An array (n,) that contains whether a motion constraint is applied after each of the n time steps."""
+        """Mask (n,) of the time steps after which a motion constraint is applied."""
         limits = self.settings.constraints
         is_any = limits.still[self.events.sample] | (limits.sideways_sigma_mps > 0)
         return np.asarray(self.events.constrained & is_any)
@@ -255,8 +257,8 @@ def align(
 def with_body_velocity(state: NavigationState, P: FloatArray, dcm: FloatArray) -> tuple[NavigationState, FloatArray]:
     """Return the initial state and covariance for a velocity that was measured in the body frame.
 
-    The velocity of ``state`` was rotated into ENU with ``dcm`` (3, 3). The function rotates the velocity with the
-    attitude C of ``state`` instead, so the velocity error depends on the attitude error::
+    The velocity of ``state`` was rotated into ENU with the attitude ``dcm`` (3, 3). This function replaces ``dcm`` by
+    the attitude C of ``state``, so the velocity error depends on the attitude error::
 
         v = Exp(phi) C dcm' v_enu,    dv = -[v] phi
     """

@@ -96,7 +96,7 @@ class NavigationState(NamedTuple):
 
 
 def added(state: NavigationState, dx: FloatArray) -> NavigationState:
-    """Return ``state`` plus the error dx (n,). The attitude is rotated instead of added: C+ = Exp(phi) C."""
+    """Return ``state`` plus the error dx (n,), where phi rotates the attitude: C+ = Exp(phi) C."""
     return NavigationState(
         state.position_m + dx[P],
         state.velocity_mps + dx[V],
@@ -117,7 +117,7 @@ def corrected(state: NavigationState, dx: FloatArray) -> NavigationState:
         C+ (C' a - db) = a + phi x a - C db_a
 
     A correction of the bias by db_a would leave an error of g phi^2/2 in the vertical acceleration (4 mm/s2 for 28
-    mrad). The covariance P does not include this error.
+    mrad). The covariance P does not include this error of the vertical acceleration.
     """
     moved = added(state, dx)
     up = GRAVITY_MPS2 * state.dcm[2]  # C' a

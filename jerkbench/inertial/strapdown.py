@@ -79,7 +79,7 @@ def mechanise(run: Runs, earth: FloatArray, rotates: bool, dt: float) -> None:
     """Propagate the nominal states over a step, and compute ``dt_C`` and ``dt_force`` for the covariance propagation.
 
     Args:
-        run: record of the eight runs.
+        run: record with the states of the eight runs.
         earth: (4,) angular rate of the Earth in ENU [rad/s], and the inverse 1/R of the Earth radius [1/m].
         rotates: whether at least one run includes the Earth's rotation.
         dt: length of the step [s].

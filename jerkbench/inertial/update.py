@@ -111,9 +111,9 @@ def reset(before: NavigationState, after: NavigationState, turn_rad: FloatArray)
 
         phi+ = (I + [turn]/2) phi;  db_a+ = C+' C db_a + C+' ((phi+ - phi) x a)
 
-    Therefore the error phi x a - C db_a of the specific force in ENU does not change. Levelling determines this
-    specific force accurately, but cannot separate tilt and accelerometer bias. G neglects the change of the specific
-    force by the correction.
+    With this matrix G, the error phi x a - C db_a of the specific force in ENU does not change. Levelling determines
+    this specific force accurately, but cannot separate tilt and accelerometer bias. G neglects the change of the
+    specific force that the correction causes.
     """
     G = np.eye(before.size)
     half = 0.5 * skew(turn_rad)

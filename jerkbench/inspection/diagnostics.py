@@ -95,7 +95,7 @@ class Fit(NamedTuple):
 
     @property
     def wrong(self) -> bool:
-        """Return True if the corrected axes are significant and agree clearly better than the axes as given."""
+        """Return True if the correlation of the corrected axes is significant and clearly above ``as_given``."""
         least = MIN_GAIN if self.correlation >= MIN_FIT else MIN_WEAK_GAIN
         return self.sure and self.way != IDENTITY and self.correlation - self.as_given >= least
 
@@ -123,10 +123,10 @@ def axes_text(way: str, names: tuple[str, str]) -> tuple[str, str]:
 def mounting(recording: Recording) -> list[Diagnosis]:
     """Return diagnoses of wrong axes of the IMU, or of wrong east and north axes of the fixes.
 
-    If gravity is not on the +z axis, no other axis is checked. Otherwise, four comparisons are made: the forward and
-    left acceleration of the track with the specific force, the acceleration of a wheel with the specific force, the
-    turn rate of the track with the z axis of the gyro, and the rotation of gravity with the gyro. A mirrored mounting
-    changes the sign of the correlation of gravity and gyro, but a rotated mounting does not.
+    If gravity is not on the +z axis, only this mistake is reported. If gravity is on the +z axis, four comparisons are
+    made: the forward and left acceleration of the track with the specific force, the acceleration of a wheel with the
+    specific force, the turn rate of the track with the z axis of the gyro, and the rotation of gravity with the gyro. A
+    mirrored mounting changes the sign of the correlation of gravity and gyro, but a rotated mounting does not.
     """
     if recording.imu is None:
         return []
@@ -175,8 +175,8 @@ def _score(windows: Windows, way: str) -> float:
 def _judged(recording: Recording, imu: Imu) -> Iterator[Diagnosis]:
     """Yield a diagnosis of the mistake that explains the comparisons of track, wheel and gravity with the IMU.
 
-    In a slalom, the lateral acceleration tilts the specific force while the vehicle turns about z. Therefore, the
-    comparison of gravity with the gyro must also be significant without the z axis of the gyro. If the recording has no
+    The comparison of gravity with the gyro must also be significant without the z axis of the gyro, because in a
+    slalom, the lateral acceleration tilts the specific force while the vehicle turns about z. If the recording has no
     wheel, and if a time shift increases the correlation of track and gyro, the IMU is assumed to be hand-held. The
     track is not used for a hand-held IMU.
     """
@@ -245,17 +245,19 @@ COSINE_GAIN = 0.2
 """Minimum cosine between the corrected series and the fixes, and its minimum gain over the axes as given."""
 
 WAY_S = 5.0
-"""Length of the windows [s] in which distances are compared. Noise dominates in short windows, bends in long ones."""
+"""Length of the windows [s] in which distances are compared. In short windows, noise dominates. In long windows, bends
+of the path dominate."""
 
 MAX_WAY_ERROR, MIN_WAY_ERROR = 0.15, 0.3
-"""Maximum difference between 1 and the median ratio of distances (fixes to wheels) with correct axes, which bends, slip
-and the scale of the wheel cause, and minimum difference with the axes as given, for a reported mistake."""
+"""Limits of |ratio - 1|, where ratio is the median ratio of the distance between fixes to the distance of the wheels. A
+mistake is reported if this difference is at least the second limit as given, and at most the first limit after a swap.
+Bends, slip and the scale of the wheel cause a difference even with correct axes."""
 
 MAX_UNWRAPPED_RAD = 4 * np.pi
 """Maximum roll and pitch in radians. Unwrapped angles may exceed pi, but not this value."""
 
 MAX_RADIANS = 4.0
-"""An attitude whose yaw never exceeds this may be in radians."""
+"""An attitude whose yaw never exceeds this value may be in radians."""
 
 HALF_TURN_DEG = 90.0
 """Maximum change of yaw in half a second. A larger change is a jump by 360 degrees."""
@@ -268,7 +270,7 @@ def exchanged_axes(recording: Recording) -> dict[str, Diagnosis]:
     """Return a diagnosis for each stream (ENU velocity, reference) whose horizontal axes contradict the fixes.
 
     The mean velocities of the stream and of the fixes over 1, 8 and 32 s are compared. For each swap of axes and signs,
-    the cosine between both velocities is computed. Each stream is reported at most once.
+    the cosine of the angle between the two velocities is computed. Each stream is reported at most once.
     """
     position, velocity, reference = recording.position, recording.velocity, recording.reference
     if position is None:
@@ -370,7 +372,7 @@ def _reversed_angles(
     """Yield a diagnosis if pitch or yaw rates of the attitude have the opposite sign to the gyro.
 
     With FRD instead of FLU, or NED instead of ENU, pitch and yaw have the opposite sign, but roll has the same sign. An
-    IMU in FRD has the same effect, so nothing is reported unless gravity is on +z.
+    IMU in FRD has the same effect, so a diagnosis is reported only if gravity is on +z.
     """
     if felt_axis(imu.accel_mps2) != "+z" or np.median(np.diff(t_s)) > MAX_GAP_S:
         return
@@ -387,7 +389,7 @@ def _reversed_angles(
 # Mistakes in the preparation of a log, found by comparisons of its streams.
 
 TOLERANCE = 0.25
-"""Maximum difference between 1 and the median of |f|/g after the correction. A rough road or a scale error causes it.
+"""Maximum difference between 1 and the median of |f|/g after the correction (rough road, scale error).
 """
 
 
@@ -420,8 +422,9 @@ def first_diagnoses(recording: Recording) -> list[Diagnosis]:
 
 
 MIN_ALIGNED, MIN_OFFSET_RAD = 0.95, 0.35
-"""Minimum length of the weighted mean of unit vectors whose direction is constant, and minimum constant difference of a
-heading from the course. A vehicle that drives along its axis has no difference."""
+"""Minimum length of the mean of unit vectors for which their direction counts as constant, and minimum constant
+difference between heading and course [rad] that is reported. The difference is 0 for a vehicle that drives along its
+axis."""
 
 
 def heading_convention(recording: Recording) -> list[Diagnosis]:
@@ -464,12 +467,12 @@ def increments(recording: Recording) -> list[Diagnosis]:
 
 
 MIN_ASIDE = 0.3
-"""Minimum ratio of the lateral rms to the total rms of a velocity that is not in body axes. In body axes the lateral
-velocity is small, because a vehicle hardly moves sideways."""
+"""Minimum ratio of the lateral rms to the total rms of a velocity for the finding that the velocity is not in body
+axes. In body axes, the lateral velocity is small, because a vehicle hardly moves sideways."""
 
 
 def velocity_in_world(recording: Recording) -> list[Diagnosis]:
-    """Report a velocity, declared in body axes, whose components agree with the east and north axes of the fixes."""
+    """Report a velocity that is declared in body axes, but agrees with the east and north velocity of the fixes."""
     position, velocity = recording.position, recording.velocity
     if position is None or velocity is None or velocity.frame != "body":
         return []

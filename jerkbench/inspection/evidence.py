@@ -26,21 +26,20 @@ MIN_WINDOWS = 20
 DEG_PER_RAD = float(np.degrees(1.0))
 
 MAX_RATE_RATIO = 2.5
-"""Tolerance of a measured turn rate as a factor: windows, vibration and noise distort it."""
+"""Tolerance of a measured turn rate, as a factor. Windows, vibration and noise distort the turn rate."""
 
 GRAVITY_WINDOWS_S = (1.0, 2.0)
-"""Lengths of the windows of the specific force [s]. In shorter windows vibration changes its direction."""
+"""Lengths of the windows of the specific force [s]. In shorter windows, vibration dominates."""
 
 MIN_FORCE_MPS2 = 1e-6
 """Minimum norm of a specific force that has a direction."""
 
 MAX_WINDOWS, MAX_WINDOWS_PER_ROW = 100_000, 10
 """The maximum number of windows is the larger of a constant and a multiple of the number of rows. If there were more
-windows, most would be empty."""
+windows, most of the windows would be empty."""
 
 MIN_STRENGTH = 5.0
-"""Minimum significance of a correlation, in standard deviations from zero. It is high because many correlations are
-tested."""
+"""Minimum significance of a correlation, in standard deviations from zero, which is high because of many tests."""
 
 
 MISTAKES = tomllib.loads((Path(__file__).parent / "mistakes.toml").read_text(encoding="utf-8"))
@@ -73,11 +72,11 @@ def diagnosis(mistake: str, measured: str, **parts: object) -> Diagnosis:
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """Motion of a track or of a wheel, and measurements of the IMU, in the same n time windows.
+    """Motion according to a track or a wheel, and measurements of the IMU, in the same n time windows.
 
     Attributes:
-        course_change_rad: (n,) change of the course of the track in each window, positive to the left [rad]; for a
-            wheel, the integral of the z axis of the gyro.
+        course_change_rad: (n,) change of the course of the track in each window, positive to the left [rad]. For a
+            wheel, which has no course, the integral of the z axis of the gyro is used.
         plane_mps2: (n, 2) forward and left acceleration of the vehicle, from the track or the wheel [m/s2].
         turn_rad: (n, 3) integral of the angular rate over each window [rad].
         force_mps2: (n, 3) mean specific force in each window [m/s2].
@@ -93,7 +92,8 @@ class Windows:
 
 
 WindowsAt = Callable[[float], Windows | None]
-"""A function of the delay [s] of the IMU's stamps that returns the windows; None if fewer than 20 are usable."""
+"""A function of the delay [s] of the IMU's stamps that returns the windows, or None for fewer than 20 usable
+windows."""
 
 
 def without_nan_rows(t_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -144,7 +144,7 @@ def mean_velocities(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the mean velocities (n, k) of the fixes and of a stream in common windows, for comparison.
 
-    Both arrays are empty if there are too few rows.
+    The two returned arrays are empty if there are too few rows.
 
     Args:
         position: the fixes, of which the first k axes are compared.

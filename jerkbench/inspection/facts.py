@@ -45,7 +45,7 @@ MIN_CORRECTED_LAG_S = 0.02
 """Minimum lag [s] that needs a correction."""
 
 _GAP = 2.5
-"""A step between stamps is a gap if it is longer than the median step by more than this factor."""
+"""A step between stamps is a gap if the step is longer than this factor times the median step."""
 
 
 def facts_text(recording: Recording) -> str:
@@ -125,7 +125,7 @@ def _inertial(recording: Recording) -> Iterator[str]:
 
 
 def findings_text(recording: Recording) -> str:
-    """Return a text with lags, source of the yaw, measured and stated sigmas, noise at rest, and mistakes."""
+    """Return a text with the lags, the source of the yaw, measured and stated sigmas, noise at rest, and mistakes."""
     lags, rest = all_lags(recording), longest_rest(recording)
     speed_mps = float("nan") if recording.position is None else moving_speed_mps(recording.position)
     lines = [_lag_line(lag, speed_mps) for lag in lags]

@@ -46,13 +46,13 @@ STAMPS = {"s": 1e8, "ms": 1e11, "us": 1e14, "ns": 1e17}
 """Minimum stamp of a date (time since 1970 or 1980) in each unit; the maximum is 100 times as large."""
 
 RATES_HZ = (0.5, 2500.0)
-"""Plausible range of the rate of a log's rows."""
+"""Plausible range of the rate of the rows in a log."""
 
 MAX_FIX_RATE_HZ = 50.0
 """Maximum plausible rate of a receiver."""
 
 MIN_DATE_RATE_HZ = 0.01
-"""Minimum rate of stamps that are dates. With a lower rate they are in another unit."""
+"""Minimum rate of stamps that are dates. Stamps with a lower rate are in another unit."""
 
 WEEK_S = 604_800
 LATITUDE_RAD, LONGITUDE_RAD = np.pi / 2, np.pi
@@ -180,7 +180,7 @@ def guess_gyro_unit(recording: Recording, names: Sequence[Name]) -> Guess:
 def turns_with_gyro(recording: Recording) -> tuple[bool | None, str]:
     """Return True if track and gyro turn in the same direction, and a text about their comparison.
 
-    If the correlation of both is not significant, the first value is None.
+    If the correlation of track and gyro is not significant, the first returned value is None.
     """
     turning = turning_track(recording)
     if turning is None or abs(turning.strength) < MIN_STRENGTH:

@@ -77,7 +77,7 @@ OUTAGE_S, OUTAGE_STEPS = 5.0, 5.0
 """Minimum length of an outage [s], and minimum ratio to the median step of the fixes."""
 
 SOON_S = 1.0
-"""A rest that starts later is not a rest at the start of the recording."""
+"""Latest start of a rest that counts as a rest at the start of the recording [s]."""
 
 
 class GuessedTable(NamedTuple):
@@ -167,8 +167,8 @@ def guess_tables(*paths: Path) -> Draft:
     fixes, and a second file with positions contains the reference.
 
     Raises:
-        RecordingError: the column names of a file identify no times, or neither an IMU nor positions, or the files
-            cannot be combined.
+        RecordingError: a file has no column that is recognised as the time, or no columns that are recognised as an IMU
+            or as positions, or the files cannot be combined.
     """
     draft = Draft(_streams([_table(path.resolve()) for path in paths]))
     imu, position, velocity, reference = map(draft.tables.get, ("imu", "position", "velocity", "reference"))

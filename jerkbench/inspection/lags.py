@@ -41,7 +41,7 @@ MIN_CORRELATION = 0.5
 """Minimum number of rows and minimum correlation at the best lag; otherwise the lag is unknown."""
 
 ROWS_PER_INDEPENDENT_ROW = 10
-"""Assumed number of rows per independent row. The residual at the best lag is autocorrelated."""
+"""Assumed number of rows that count as one independent row, because the residual at the best lag is autocorrelated."""
 
 CHI2_95 = 3.84
 """Chi-square of one degree of freedom, 95 %."""
@@ -53,7 +53,7 @@ _MARGIN_S = 1.0
 """Margin at both ends of the positions, where the slope of a spline is inaccurate."""
 
 FAST_MPS = 1.0
-"""Minimum speed. Below it the change of the speed is mostly noise."""
+"""Minimum speed [m/s]. At lower speeds, the change of the speed is mostly noise."""
 
 MIN_STEP_S, MAX_STEP_S = 0.2, 1.5
 """Range of the time steps over which changes are compared [s]. In a shorter step the change of a speed is mostly noise.
@@ -88,7 +88,7 @@ class Lag:
 
 
 def estimated_lags(recording: Recording) -> list[Lag]:
-    """Return the lags of up to 3 s of position, velocity and IMU, as far as they can be compared.
+    """Return the lags, up to 3 s, of position, velocity and IMU, if another stream exists for comparison.
 
     The lag of the position is computed from r(t), the cubic spline through the positions of the reference::
 
@@ -203,7 +203,7 @@ def _velocity_lag(name: str, position: Position, velocity: Velocity, axes: tuple
 
 
 def _speeds(recording: Recording, lags: list[Lag]) -> tuple[str, FloatArray, FloatArray] | None:
-    """Return the name, corrected times (m,) and speeds (m,) of the stream with which the IMU is compared."""
+    """Return the name, corrected times (m,) and speeds (m,) of the stream that is compared with the IMU."""
     velocity, reference, position = recording.velocity, recording.reference, recording.position
     if velocity is not None:
         enu = velocity.frame == "enu"
@@ -231,7 +231,7 @@ def _speed_between_positions(t_s: FloatArray, enu_m: FloatArray) -> tuple[FloatA
 
 
 def _imu_lag(imu: Imu, against: str, t_s: FloatArray, speed_mps: FloatArray) -> Lag:
-    """Return the lag of the IMU, from the changes of a speed and from the integral of the forward specific force."""
+    """Return the lag of the integral of the forward specific force behind the changes of a speed."""
     every, largest_s = _every(t_s), _largest_s(imu.t_s)
     t_s, speed_mps = t_s[::every], speed_mps[::every]
     gained = np.concatenate([[0.0], np.cumsum(imu.accel_mps2[1:, 0] * np.diff(imu.t_s))])
@@ -267,15 +267,15 @@ CLOCK_S, CLOCK_CORRELATION, MIN_CLOCK_GAIN = 0.4, 0.8, 4.0
 the significance over the significance without a shift, in standard deviations."""
 
 MIN_WHEEL_STRENGTH = 10.0
-"""Minimum significance, in standard deviations, of the correlation with a wheel's acceleration. It replaces the minimum
-correlation, because this correlation is lower."""
+"""Minimum significance, in standard deviations, of the correlation with a wheel's acceleration. For a wheel, this limit
+replaces the minimum correlation, because the correlation with a wheel is lower."""
 
 MIN_CONFIRMING_GAIN, MIN_AXIS_GAIN = 2.0, -1.0
 """Minimum increase of the significance, in standard deviations, with which the accelerometer confirms a lag of the
 gyro: for both axes together, and for each axis."""
 
 MAX_GAP_S = 0.5
-"""Maximum step over which an attitude is interpolated."""
+"""Maximum interval over which an attitude is interpolated [s]."""
 
 WINDOWS_S = (0.5, 1.0, 2.0)
 
@@ -297,7 +297,7 @@ MAX_STEP_IN_BUNCH, MIN_STAMPS_IN_BUNCH = 0.1, 0.5
 
 
 def bunched_stamps(recording: Recording) -> list[Diagnosis]:
-    """Report IMU stamps in bunches: they are times of arrival, and the sensor measured at equal intervals."""
+    """Report IMU stamps in bunches, which are times of arrival, whereas the sensor measured at equal intervals."""
     if recording.imu is None or len(recording.imu.t_s) <= _MIN_ROWS:
         return []
     steps_s = np.diff(recording.imu.t_s)
@@ -363,10 +363,10 @@ def late_imu(recording: Recording) -> Lag | None:
     The uncertainty of the lag includes 0.05 s for the internal filter of the sensor. For the track, the uncertainty
     also includes the effect of a distance of 0.5 m between the antenna and the point about which the vehicle turns.
 
-    A lag of 0.4 s or more is certain if Fisher's atanh(r) is 4 standard deviations above its value without a shift. A
-    hand-held sensor or a drone may turn before it moves. Therefore, the lag from a course is certain only if the
-    recording has a wheel, or if the accelerometer agrees with the track better at this lag than without a shift. If
-    gravity is not on +z, the axes are wrong, and the function returns None.
+    A lag of 0.4 s or more is certain if Fisher's atanh(r) is 4 standard deviations above its value without a shift.
+    Because a hand-held sensor or a drone may turn before it moves, a lag that was computed from a course is certain
+    only if the recording has a wheel, or if the accelerometer agrees with the track better at this lag than without a
+    shift. If gravity is not on +z, the axes are wrong, and the function returns None.
     """
     if recording.imu is None or felt_axis(recording.imu.accel_mps2) != "+z":
         return None
@@ -396,8 +396,8 @@ def _turning_lag(against: str, pairs: Pairs) -> Lag:
 def _judged(recording: Recording, lag: Lag) -> Lag:
     """Add the effects of the internal filter and of the antenna position to the uncertainty of the lag.
 
-    A lag that was computed from the course is uncertain if the body may turn before it moves. This function also
-    tests for this case.
+    A lag that was computed from the course is uncertain if the body may turn before it moves. The function sets
+    ``sure`` to False in this case.
     """
     if lag.against != OF_THE_TRACK or recording.position is None:
         return replace(lag, within_s=lag.within_s + FILTER_S)
@@ -407,7 +407,7 @@ def _judged(recording: Recording, lag: Lag) -> Lag:
 
 
 def _is_felt(recording: Recording, lag_s: float) -> bool:
-    """Return True if the accelerometer agrees better with the acceleration of the track if the lag is corrected."""
+    """Return True if a correction of the lag improves the agreement of accelerometer and track."""
     at_none, at_lag = over_lengths(track_windows, recording), over_lengths(track_windows, recording, lag_s)
     both = at_none.keys() & at_lag.keys()
     agreed = [np.array([_fits(windows[length_s]) for windows in (at_none, at_lag)]) for length_s in both]

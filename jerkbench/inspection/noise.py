@@ -21,7 +21,7 @@ from jerkbench.simulation.imu import ALLAN_FLOOR, GRADES
 MIN_REST_S = 5.0
 _POINTS = 40
 MAX_AVERAGED_FRACTION = 0.25
-"""Maximum averaging time as a fraction of the rest. For a longer time there are too few averages."""
+"""Maximum averaging time as a fraction of the rest. For a longer averaging time, there are too few averages."""
 
 WHITE_S = (0.05, 1.0)
 """Range of averaging times for the white noise [s]. Shorter times contain resonances of the mounting, longer times
@@ -37,8 +37,8 @@ QUIET_RADPS, QUIET_MPS2 = 0.01, 0.1
 """Maximum scatter of gyro and accelerometer (root of the sum of the axes' variances) in a window at rest."""
 
 QUIET_FRACTION, LOUD = 0.2, 0.8
-"""Alternative maximum, for an idling engine: this fraction of this quantile of the scatter of all windows. The larger
-of both maxima is used."""
+"""Alternative maximum of the scatter, for an idling engine: the fraction `QUIET_FRACTION` of the quantile `LOUD` of the
+scatter of all windows. The larger of the two maxima is used."""
 
 TURNS_RADPS = 0.03
 """Maximum angular rate at rest. The bias of a gyro is smaller."""
@@ -77,7 +77,7 @@ class RestNoise(NamedTuple):
         velocity_random_walk_mps_per_sqrt_h: velocity random walk of the noisiest accelerometer axis [m/s/sqrt(h)].
         gyro_instability_deg_per_h: bias instability of the worst gyro axis [deg/h], which is the minimum of the Allan
             deviation divided by `ALLAN_FLOOR`; NaN if the rest is too short.
-        accel_instability_mg: bias instability of the worst accelerometer axis, computed in the same way [mg].
+        accel_instability_mg: bias instability of the worst accelerometer axis [mg], computed as for the gyro.
         grade: grade of the simulated IMU (parameter ``dataset.imu``) with the most similar white noise.
     """
 
@@ -219,7 +219,7 @@ receivers is up to 3.2."""
 
 MIN_SPREAD = 2.0
 """Minimum ratio of measured to stated sigma for errors about their median. In urban canyons this ratio of receivers is
-up to 1.2. If sigmas that are four times too large are divided by ten, the ratio is 2.5, which is reported."""
+up to 1.2. Sigmas that were four times too large and are divided by ten give the ratio 2.5, which is reported."""
 
 MAX_FIX_GAP_S = 1.1
 
@@ -403,7 +403,7 @@ def _ratio(sigma: Sigma) -> tuple[str, float, str]:
 
 
 def _jitter(recording: Recording, *, white: bool = False) -> Iterator[tuple[str, float, str]]:
-    """Yield for each stream the ratio of the jitter |x_i - (x_i-1 + x_i+1)/2| to its sigma, over east and north.
+    """Yield for each stream the ratio of the jitter |x_i - (x_i-1 + x_i+1)/2| to the stated sigma, over east and north.
 
     Args:
         recording: recording with position fixes or velocities.

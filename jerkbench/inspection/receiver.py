@@ -16,15 +16,15 @@ from jerkbench.report.plots.style import DOTS_PER_INCH, literal, say, style_axes
 
 _AXES = ("east", "north", "up")
 LEVELS_M = (0.0, 0.05, 0.5, 5.0, np.inf)
-"""Limits of the declared sigma [m]. They separate the states of the receiver (fixed, float, single point, no solution),
-because a recording does not contain these states."""
+"""Limits of the declared sigma [m]. The limits distinguish the states of the receiver (fixed, float, single point, no
+solution), which a recording does not contain."""
 
 _MIN_FIXES = 30
 SIGMA_OF_MEDIAN = 1.4826
 """Ratio of the standard deviation of a normal distribution to the median of its absolute values."""
 
 GROSS = 5.0
-"""Distance from the median, in robust sigmas, of a gross error; one normal error in two million is that large."""
+"""Minimum distance of a gross error from the median, in robust sigmas (one of two million normal errors)."""
 
 MAX_LAG_FRACTION = 0.25
 """Maximum lag as a fraction of the compared time."""
@@ -159,7 +159,7 @@ def _autocorrelation(
     limit_m = GROSS * np.array([_middle(error[np.isfinite(error)]) for error in error_m.T])
     grid[index] = np.clip(error_m, -limit_m, limit_m)
     both = np.hstack([np.nan_to_num(grid), np.isfinite(grid)])
-    size = 1 << int(np.ceil(np.log2(2 * len(grid))))  # Wiener-Khinchin theorem, gaps are omitted from both sums
+    size = 1 << int(np.ceil(np.log2(2 * len(grid))))  # Wiener-Khinchin theorem; gaps count in neither sum
     power, pairs = np.hsplit(np.fft.irfft(np.abs(np.fft.rfft(both, size, axis=0)) ** 2, axis=0), 2)
     most = max(2, int(MAX_LAG_FRACTION * len(grid)))
     mean = power[:most] / np.maximum(np.round(pairs[:most]), 1)
@@ -212,9 +212,9 @@ def advice(errors: ReceiverErrors) -> Iterator[str]:
 
 
 def horizontal_and_up(axes: Sequence[AxisErrors]) -> tuple[float, float]:
-    """Return the root mean square of the east and north factors, and the up factor.
+    """Return the root mean square of the factors of east and north, and the factor of up.
 
-    If the up factor is 0, the horizontal factor is returned for both.
+    If the factor of up is 0, the horizontal factor is returned for up as well.
     """
     east, north, up = (axis.factor for axis in axes)
     horizontal = float(np.sqrt(0.5 * (east**2 + north**2)))

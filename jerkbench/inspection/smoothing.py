@@ -25,8 +25,8 @@ from jerkbench.timeline import build_timeline
 MIN_FIXES = 10
 
 FIRST_STEPS = np.array([[0.0, 0.0], [1.5, 0.0], [0.0, 1.5]])
-"""Initial simplex of the search, added to the logarithms of the start: a factor of 4.5 on the random walk, and a factor
-of 4.5 on the sigmas."""
+"""Initial simplex of the search, relative to the logarithms of the start values: the start, a factor of 4.5 on the
+random walk, and a factor of 4.5 on the sigmas."""
 
 FREEDOMS = (4.0, 1000.0)
 """Tested degrees of freedom of Student's t: heavy tails, as for real receivers, and a nearly normal distribution."""
@@ -45,7 +45,7 @@ WALKS = {
 """Estimated parameters of each model."""
 
 TURNS = 5
-"""Number of random walks of the turn rate that are tested with the best constant velocity model."""
+"""Number of values of the random walk of the turn rate that are tested with the best constant velocity model."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,8 @@ def smooth_fixes(recording: Recording) -> SmoothedTrack:
         w = (nu + n) / (nu + r' R^-1 r + tr(R^-1 Ps)),    R = R / w
 
     Source: G. Agamennoni, J. I. Nieto, E. M. Nebot, "An outlier-robust Kalman filter", IEEE International Conference on
-    Robotics and Automation, 2011, doi:10.1109/ICRA.2011.5979605. Unlike this function, the paper also estimates R.
+    Robotics and Automation, 2011, doi:10.1109/ICRA.2011.5979605. The paper also estimates R, which is not estimated
+    here.
 
     Raises:
         RecordingError: the recording has fewer than `MIN_FIXES` fixes, or the smoother fails.

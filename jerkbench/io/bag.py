@@ -40,10 +40,10 @@ TIME is the start of the part.
 
 @contextmanager
 def bag_errors(path: Path, topics: str = "") -> Iterator[None]:
-    """Convert exceptions, except those of jerkbench, to a RecordingError that names ``path`` and ``topics``.
+    """Convert each exception that is not a `JerkbenchError` to a RecordingError that names ``path`` and ``topics``.
 
-    For a damaged bag, rosbags raises many unrelated exceptions: its exceptions, exceptions of lz4, bz2, zstd, SQLite
-    and YAML, assertion errors and struct errors.
+    For a damaged bag, rosbags raises exceptions of many types: its exception types, the exception types of lz4, bz2,
+    zstd, SQLite and YAML, AssertionError and struct.error.
     """
     try:
         yield
@@ -196,7 +196,7 @@ class Messages:
         frame_id: frame of the first message, or an empty string.
         child_frame_id: child frame of the first message, or an empty string.
         bag_ns: (n,) times at which the messages were recorded, by the clock of the recording computer.
-        stamp_ns: (n,) stamps of the headers, in nanoseconds since 1970.
+        stamp_ns: (n,) time stamps in the message headers, in nanoseconds since 1970.
         values: arrays (n, k) of the fields, by the name of the field in `FIELDS`.
     """
 
@@ -220,7 +220,7 @@ class Messages:
         return replace(self, bag_ns=self.bag_ns[rows], stamp_ns=self.stamp_ns[rows], values=values)
 
     def stamped(self, stamp_ns: IntArray) -> "Messages":
-        """Return a copy of the messages with other stamps, ``stamp_ns`` (n,)."""
+        """Return a copy of the messages with the time stamps ``stamp_ns`` (n,)."""
         return replace(self, stamp_ns=stamp_ns)
 
     def with_values(self, **changed: FloatArray) -> "Messages":
@@ -229,7 +229,7 @@ class Messages:
 
 
 class _Columns:
-    """Growing buffers for the messages of a topic. Each number needs only eight bytes."""
+    """Growing buffers for the messages of a topic. Each number in the buffers needs only eight bytes."""
 
     def __init__(self, fields: Mapping[str, Getter]) -> None:
         self.getters = fields
@@ -303,7 +303,7 @@ class Bag:
     def read(self, wanted: Mapping[str, Sequence[str]]) -> dict[str, Messages]:
         """Return the messages of each topic in ``wanted``, which maps each topic to the fields to read.
 
-        The messages of a large bag are cached.
+        The messages of a large bag are cached in a file.
 
         Raises:
             RecordingError: a topic is missing or damaged, or has an unsupported type.
@@ -317,7 +317,7 @@ class Bag:
         messages = read_stored(path)
         if messages is None:
             messages = self._decoded(wanted)
-            if fingerprint(content_files(self.path)) == mark:  # otherwise, the bag was changed during reading
+            if fingerprint(content_files(self.path)) == mark:  # the bag was not changed during reading
                 _store(messages, path)
         return messages
 
@@ -334,7 +334,7 @@ class Bag:
         return str(texts[-1])
 
     def _decoded(self, wanted: Mapping[str, Sequence[str]], most: int | None = None) -> dict[str, Messages]:
-        """Read the bag once, and return the messages of the topics, or only the first ``most`` messages."""
+        """Read the bag once, and return the messages of the topics, or only ``most`` messages from the start."""
         types = {name: self._type_of(name) for name in wanted}
         columns = {
             name: _Columns({field: FIELDS[types[name]][field] for field in fields}) for name, fields in wanted.items()
@@ -354,7 +354,7 @@ class Bag:
 
     def _messages(self, names: Sequence[str]) -> Iterator[tuple[str, int, bytes]]:
         connections = [c for c in self._reader.connections if c.topic in names]
-        if connections:  # for an empty list, rosbags returns the messages of all topics
+        if connections:  # for an empty list, rosbags would return the messages of all topics
             for connection, bag_ns, raw in self._reader.messages(connections):
                 yield connection.topic, bag_ns, raw
 
@@ -411,7 +411,7 @@ def _store(messages: dict[str, Messages], path: Path) -> None:
 
 
 def read_stored(path: Path) -> dict[str, Messages] | None:
-    """Return the messages in a file of the cache, or None if the file does not exist or is not trusted."""
+    """Return the messages in a cached file, or None if the file does not exist or another user can have written it."""
     with suppress(Distrusted):
         if content := read_trusted(path):
             with suppress(OSError):

@@ -56,7 +56,7 @@ class BagNotes:
     """Counts the faults of the messages of a bag.
 
     Attributes:
-        plan: the roles of the topics.
+        plan: roles of the topics, which name the topics in the notes.
         start_ns: time of the first recorded message, by the clock of the recording computer [ns].
         notes: one note for each kind of fault of each topic.
     """
@@ -66,12 +66,12 @@ class BagNotes:
     notes: list[str] = field(default_factory=list)
 
     def add(self, messages: Messages, fault: str, rows: BoolArray, done: str) -> None:
-        """Add a note with the number of True ``rows`` (n,), their ``fault`` and their treatment ``done``."""
+        """Add a note with the number of messages in the mask ``rows``, their ``fault`` and their treatment ``done``."""
         since_s = np.asarray((messages.bag_ns - self.start_ns) * 1e-9)
         self.notes += drop_notes(self.plan.label(messages.topic), {fault: rows}, done, since_s)
 
     def drop(self, messages: Messages, fault: str, rows: BoolArray) -> Messages:
-        """Return the messages without the True ``rows`` (n,), and add a note with their number and their ``fault``."""
+        """Drop the messages in the mask ``rows`` (n,), and add a note with their number and their ``fault``."""
         self.add(messages, fault, rows, "dropped")
         return messages.rows(~rows) if rows.any() else messages
 
@@ -81,10 +81,10 @@ def clean_topics(raw: dict[str, Messages], plan: TopicPlan, *, bag_time: bool) -
 
     A stamp before the year 2000 is replaced by the recording time minus the median delay of the valid stamps of the
     topic. If a topic has no valid stamps, the median of the delays of the other topics is used. If ``bag_time`` is
-    True, the recording times replace all stamps. All entries of ``raw`` are removed to save memory.
+    True, the recording times replace all stamps. The function empties ``raw`` to save memory.
 
     Raises:
-        RecordingError: fewer than two messages of a topic are left, or the stamps of a topic are of several clocks.
+        RecordingError: fewer than two messages of a topic are left, or the stamps of a topic come from several clocks.
     """
     notes = BagNotes(plan, min((int(m.bag_ns[0]) for m in raw.values() if len(m)), default=0))
     good = {topic: (m.bag_ns - m.stamp_ns)[m.stamp_ns >= EARLIEST_NS] for topic, m in raw.items()}
@@ -114,10 +114,10 @@ def clean_topics(raw: dict[str, Messages], plan: TopicPlan, *, bag_time: bool) -
 
 
 def _near(messages: Messages, notes: BagNotes) -> Messages:
-    """Drop messages whose stamp is far from the recording time.
+    """Drop messages whose delay (recording time minus stamp) is far from the median delay.
 
-    If more than 10 % of the stamps are far from the recording time, all messages are returned, because the stamps then
-    come from another clock.
+    If the delays of more than 10 % of the messages are far from the median delay, all messages are returned, because
+    the stamps then come from another clock.
     """
     delay = messages.bag_ns - messages.stamp_ns
     far = np.abs(delay - (np.median(delay).astype(np.int64) if len(messages) else 0)) > FAR_NS
@@ -183,10 +183,11 @@ def sound_covariances(
     """Symmetrise the covariances (n, 9) of the field ``name``, and replace invalid covariances.
 
     The replacement is a diagonal covariance with the standard deviations ``sigma``. If ``sigma`` is empty, the
-    replacement is the valid covariance with the median trace.
+    replacement is the valid covariance of the topic with the median trace.
 
     Raises:
-        RecordingError: no row has a valid covariance, and ``sigma`` is empty. The message names ``parameter``.
+        RecordingError: no row has a valid covariance, and ``sigma`` is empty. The error message names ``parameter``,
+            the option that sets ``sigma``.
     """
     matrices = messages[name].reshape(-1, 3, 3)
     symmetric = 0.5 * (matrices + matrices.transpose(0, 2, 1))
@@ -215,7 +216,7 @@ def _is_covariance(matrices: FloatArray, symmetric: FloatArray) -> BoolArray:
 
 
 def steady_fixes(messages: Messages, frame: str, notes: BagNotes) -> Messages:
-    """Drop messages whose position in ``frame`` leaps, or repeats the previous position.
+    """Drop messages whose position in ``frame`` is far from its neighbours, or repeats the previous position.
 
     Raises:
         RecordingError: fewer than two messages are left.

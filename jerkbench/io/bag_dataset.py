@@ -73,15 +73,17 @@ LENGTHS |= dict.fromkeys(("position_sigma_m", "velocity_sigma_mps"), (0, 3))
 class BagOptions:
     """The parameters of every recording from a ROS bag.
 
-    The time of each measurement is its stamp minus its latency. The IMU is rotated into body axes::
+    The time of each measurement is the stamp of its message minus the latency of the measurement. The IMU is rotated
+    into body axes::
 
         f_body = (Rz(yaw) Ry(pitch) Rx(roll))' A f_sensor,  A from imu_axes          and the same for the gyro
 
-    Faulty messages are repaired or dropped, and a note of the recording counts the messages with each kind of fault.
-    Stamps must not be before the year 2000, repeated, backwards or far from the recording time. Gaps between stamps are
-    only counted. Values must be finite and plausible, and the norm of a quaternion must be 1. An angular rate must not
-    be constant for ten samples. Fixes must have a status other than -1, be on Earth, and neither leap nor repeat the
-    previous fix. Covariances must be positive definite.
+    Faulty messages are repaired or dropped, and the notes of the recording state the number of messages with each kind
+    of fault. A stamp is faulty if it is before the year 2000, repeats or precedes the previous stamp, or is far from
+    the recording time. Gaps between stamps are counted, but not repaired. Values must be finite and plausible, and the
+    norm of a quaternion must be 1. An angular rate must not be constant for ten samples or more. Fixes must have a
+    status other than -1, be on Earth, be close to their neighbours, and not repeat the previous fix. Covariances must
+    be positive definite.
 
     Attributes:
         file: path of a .bag, .db3 or .mcap file, of the folder of a ROS 2 bag, or of a folder with the parts of a split
@@ -89,8 +91,8 @@ class BagOptions:
         time_source: source of the times: header (the stamps of the headers) or bag (the recording times).
         accel_unit: unit of the specific force: m/s2 (as ROS defines it) or g (from some drivers of laser scanners).
         gyro_unit: unit of the angular rate: deg/s or rad/s.
-        imu_axes: axes of the IMU that point forward, left and up: [x, y, z], [-z, -x, y], ...
-        mounting_deg: small rotation (roll, pitch, yaw) from the body to the axes defined by ``imu_axes`` [deg].
+        imu_axes: axes of the IMU that point forward, left and up, for example [x, y, z] or [-z, -x, y].
+        mounting_deg: small rotation (roll, pitch, yaw) from the body axes to the axes that ``imu_axes`` defines [deg].
         lever_arm_m: vector (forward, left, up) from the body's reference point to the antenna [m]. A lever arm that is
             not zero requires a reference with an attitude.
         covariance_order: order of the axes in the covariance of a NavSatFix: enu (by the definition of the message) or
@@ -142,7 +144,7 @@ class BagOptions:
 
     @property
     def path(self) -> Path:
-        """The path of ``file``, also for a fetched file.
+        """The path of ``file``, in which "fetched:NAME" is replaced by the folder of the fetched recording.
 
         Raises:
             RecordingError: the folder of a fetched file does not exist.
@@ -194,7 +196,7 @@ class BagDataset(FromFiles, BagOptions):
 
 
 def frame_of(messages: Messages, stated: str) -> BagFrame:
-    """Return the frame of positions. The frame "auto" of poses is ECEF for positions on the Earth, otherwise ENU."""
+    """Return the frame of positions, where "auto" means ECEF for poses near the Earth's surface, otherwise ENU."""
     if "latitude" in messages.values:
         return "geodetic"
     require_known("position_frame", stated, POSE_FRAMES)
@@ -269,7 +271,8 @@ class _Assembly:
         """Return the positions (n, 3) in ENU.
 
         Raises:
-            RecordingError: one topic is geodetic or in ECEF, another topic is local, and the ``origin`` is empty.
+            RecordingError: ``origin`` is empty, and one topic is geodetic or in ECEF, whereas another topic is in a
+                local frame.
         """
         if not self.options.origin and (frame in LOCAL_FRAMES) != (self.origin is None):
             raise RecordingError(
@@ -291,7 +294,7 @@ class _Assembly:
         return Imu(self.seconds(shifted), messages["linear_acceleration"] @ turn, messages["angular_velocity"] @ turn)
 
     def usable_fixes(self, messages: Messages) -> Messages:
-        """Return the fixes with valid covariances, without fixes that leap or repeat the previous fix."""
+        """Return the fixes with valid covariances, without fixes that are far from their neighbours or repeat a fix."""
         sigma = self.options.position_sigma_m
         messages = sound_covariances(messages, self.found, "position_covariance", sigma, "position_sigma_m")
         return steady_fixes(messages, frame_of(messages, self.plan.position_frame), self.found)
@@ -354,7 +357,7 @@ class _Assembly:
         return Heading(self.seconds(messages), yaw_rad, np.sqrt(variance[good]), plan.heading_source)
 
     def reference(self, messages: Messages) -> Reference:
-        """Return the positions and, if available, attitudes and velocities. Twists are rotated from body to ENU."""
+        """Return the reference: positions and, if available, attitudes and the velocities of twists, rotated to ENU."""
         plan, frame = self.plan, frame_of(messages, self.plan.reference_frame)
         source = plan.reference_source or f"the topic {messages.topic}"
         independent = plan.reference_independent and len(plan.roles(messages.topic)) == 1
@@ -390,7 +393,7 @@ class _Assembly:
 
 
 def _at_body(position: Position, reference: Reference, lever_arm_m: tuple[float, ...]) -> Position:
-    """Return fixes of the body's reference point instead of the antenna: p_body = p_antenna - Omega l.
+    """Convert fixes of the antenna to fixes of the body's reference point: p_body = p_antenna - Omega l.
 
     Omega is the attitude of the reference at the stamp nearest to the fix, and l is the lever arm.
     """

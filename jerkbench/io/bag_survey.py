@@ -9,9 +9,9 @@ from jerkbench.io.bag import FIELDS, Bag
 
 
 def survey(bag: Bag) -> Iterator[str]:
-    """Yield a line for each topic. Supported topics also have the delay of the stamps and the median of each field.
+    """Yield a line for each topic, and more lines with the delay and the medians of the fields of supported topics.
 
-    Of a covariance, only the variances are described.
+    For a covariance, only the medians of the variances are printed.
 
     Raises:
         RecordingError: the messages of a topic are damaged.

@@ -52,7 +52,7 @@ class TopicPlan:
     Attributes:
         topics: name of the topic of each role.
         notes: notes about guessed topics, with the reason for each guess.
-        covariance_order: order of the axes in the covariances of fixes: enu or neu.
+        covariance_order: order of the axes in the covariances of fixes, either enu or neu.
         position_frame: frame of positions that are poses: auto, ecef, enu or ned.
         velocity_frame: frame of the velocities: body, course, frd, enu, ned or speed.
         reference_frame: frame of reference positions that are poses: auto, ecef, enu or ned.
@@ -80,10 +80,10 @@ class TopicPlan:
         return tuple(role for role, name in self.topics.items() if name == topic)
 
     def fields(self, bag: Bag) -> dict[str, tuple[str, ...]]:
-        """Return the fields that are read from each topic.
+        """Return the names of the message fields that are read from each topic.
 
         Raises:
-            RecordingError: a topic does not exist, or its type does not support its role.
+            RecordingError: a topic does not exist, or the message type of the topic does not support its role.
         """
         wanted: dict[str, dict[str, None]] = {}
         for role, name in self.topics.items():
@@ -98,7 +98,7 @@ class TopicPlan:
         return {name: tuple(fields) for name, fields in wanted.items()}
 
 
-# The metadata of a recording. jerkbench writes them as JSON, because no ROS message has fields for them.
+# The metadata of a recording, which jerkbench writes as JSON, because no ROS message has fields for such metadata.
 
 METADATA_TOPIC = "/jerkbench/about"
 _OF_PLAN = ("covariance_order", "heading_source", "reference_independent", "reference_source", "velocity_frame")
@@ -113,7 +113,7 @@ class Metadata:
         start_ns: UTC at t_s = 0, in nanoseconds since 1970.
         static_start_s: duration for which the vehicle is stationary at the start [s].
         origin: latitude [deg], longitude [deg] and height [m] of the origin of ENU, or empty if unknown.
-        outages_s: start and end of each interval without aiding [s].
+        outages_s: start and end of each interval without position fixes [s].
         plan: roles, frames and sources of the written topics.
     """
 
@@ -173,7 +173,7 @@ GRAVITY_BETWEEN_MPS2 = (5.0, 15.0)
 """Range of the median norm of the specific force of an IMU that measures gravity."""
 
 ONE_G_WITHIN = 0.1
-"""Maximum difference between this median norm and 1 if the driver publishes the specific force in g."""
+"""Maximum difference between the median norm of the specific force and 1 for an IMU that measures in g."""
 
 OF_FIXPOSITION = ("/poiimu", "/odometry_ecef")
 LIKE_FIXPOSITION = (
@@ -182,7 +182,7 @@ LIKE_FIXPOSITION = (
 )
 
 EARTH_RADIUS_M = (6.3e6, 6.4e6)
-"""Distances [m] of the Earth's surface from its centre; positions between them are in ECEF."""
+"""Range of the median distance from the centre of the Earth [m] in which positions are regarded as ECEF."""
 
 
 def is_ecef(position_m: FloatArray) -> bool:
@@ -199,8 +199,8 @@ def guessed_topics(bag: Bag, named: Mapping[Role, str]) -> tuple[dict[Role, str]
 
     Args:
         bag: the open bag.
-        named: the topic of each role: a name, `NONE` for no topic, or an empty string for a guess. The topics of
-            heading and reference are never guessed.
+        named: for each role, the name of its topic, `NONE` for no topic, or an empty string to guess the topic. The
+            topics of heading and reference are never guessed.
 
     Raises:
         RecordingError: no IMU measures gravity, or no topic has positions.
@@ -224,7 +224,7 @@ def _imu(bag: Bag, _: str) -> tuple[str, str]:
     candidates, in_g = _by_count(bag, IMU, ""), []
     for topic in candidates:
         force = bag.first(topic.name, "linear_acceleration", _SAMPLE)
-        with np.errstate(over="ignore"):  # damaged values may overflow
+        with np.errstate(over="ignore"):  # damaged values may cause an overflow
             length = float(np.median(np.linalg.norm(force, axis=1))) if len(force) else 0.0
         if GRAVITY_BETWEEN_MPS2[0] < length < GRAVITY_BETWEEN_MPS2[1]:
             return _guessed_topic("IMU", topic, f"it measures {length:.2f} m/s2", candidates)
@@ -253,7 +253,7 @@ def _velocity(bag: Bag, reference: str) -> tuple[str, str]:
     for msgtype in (TWIST_COVARIANCE, ODOMETRY):
         candidates = _by_count(bag, msgtype, reference)
         for topic in candidates:
-            if bag.read({topic.name: ("linear",)})[topic.name]["linear"].any():  # a node of positions leaves it at 0
+            if bag.read({topic.name: ("linear",)})[topic.name]["linear"].any():  # some nodes leave this field at 0
                 return _guessed_topic("velocities", topic, "the most messages", candidates)
     return NONE, "No topic gives velocities (an odometry or a twist with covariance)."
 

@@ -44,7 +44,7 @@ class Maker(NamedTuple):
 
     Attributes:
         store: the definitions of all message types.
-        ros1: whether the messages are of ROS 1, whose headers have a sequence number.
+        ros1: whether the messages have the format of ROS 1, in which headers contain a sequence number.
         start_ns: UTC at t_s = 0, in nanoseconds since 1970.
     """
 
@@ -65,7 +65,7 @@ class Maker(NamedTuple):
         return self.of(f"geometry_msgs/msg/{name}", *(float(value) for value in values))
 
     def stamped(self, t_s: float, frame_id: str, msgtype: str, *body: Any) -> Stamped:  # noqa: ANN401 - as above
-        """Return the time, the type, and the message with a header and the fields ``body``."""
+        """Return the time, the message type, and the message, which has a header and the fields ``body``."""
         stamp = self.of("builtin_interfaces/msg/Time", *divmod(self.stamp_ns(t_s), 1_000_000_000))
         header = self.of("std_msgs/msg/Header", *([0] if self.ros1 else []), stamp, frame_id)
         return t_s, msgtype, self.of(msgtype, header, *body)
@@ -73,7 +73,7 @@ class Maker(NamedTuple):
     def imu(
         self, t_s: float, frame_id: str, xyzw: FloatArray, yaw_variance: float, rate: FloatArray, force: FloatArray
     ) -> Stamped:
-        """Return an Imu message. The covariances of rate and force are zero, which means unknown."""
+        """Return an Imu message, in which covariances of zero mean that rate and force have unknown covariances."""
         none, orientation_covariance = np.zeros(9), np.diag([0.0, 0.0, yaw_variance]).ravel()
         body = (self.xyz(xyzw, "Quaternion"), orientation_covariance, self.xyz(rate), none, self.xyz(force), none)
         return self.stamped(t_s, frame_id, "sensor_msgs/msg/Imu", *body)
@@ -85,7 +85,7 @@ class Maker(NamedTuple):
 
 
 def imu_messages(make: Maker, imu: Imu) -> Iterator[Stamped]:
-    """Yield messages of the topic poiimu. Orientation and covariances are zero, which means unknown."""
+    """Yield messages of the topic poiimu, in which zeros mean that orientation and covariances are unknown."""
     for t, force, rate in zip(imu.t_s, imu.accel_mps2, imu.gyro_radps, strict=True):
         yield make.imu(t, "FP_POI", np.zeros(4), 0.0, rate, force)
 
@@ -120,7 +120,7 @@ def heading_messages(make: Maker, heading: Heading) -> Iterator[Stamped]:
 
 
 def complete_rows(reference: Reference) -> BoolArray:
-    """Return a mask (k,) of the rows of the reference without NaN. A reference without positions has no such rows."""
+    """Return a mask (k,) of the reference's rows without NaN, which is False everywhere without positions."""
     parts = [part for part in (reference.enu_m, reference.velocity_mps, reference.euler_rad) if part is not None]
     if reference.enu_m is None:
         return np.zeros(len(reference.t_s), dtype=bool)
@@ -245,7 +245,7 @@ def _metadata(recording: Recording, origin: Origin, start_ns: int, topics: Itera
 
 
 def _write(make: Maker, streams: _Streams, path: Path) -> None:
-    """Write a ROS 1 bag, or only the data file of a ROS 2 bag, without the other files of its folder."""
+    """Write a ROS 1 bag, or the data file of a ROS 2 bag without the other files of its folder."""
     if make.ros1:
         from rosbags import rosbag1
 

@@ -44,7 +44,7 @@ TIME = re.compile(r"\d\d:\d\d:\d\d(\.\d{1,12})?", re.ASCII)
 
 
 def calendar_ns(date: str, time: str) -> int | None:
-    """Convert a date (``2011-09-26``) and time (``13:02:25.594``) to nanoseconds since 1970, or None if invalid.
+    """Convert a date (``2011-09-26``) and time (``13:02:25.594``) to nanoseconds since 1970, or invalid text to None.
 
     >>> calendar_ns("1970-01-02", "00:00:01.5")
     86401500000000
@@ -63,7 +63,7 @@ def calendar_ns(date: str, time: str) -> int | None:
 def velocity_when_true(
     t_s: FloatArray, enu_mps: FloatArray, covariance_m2ps2: FloatArray, latency_s: tuple[float, ...]
 ) -> Velocity:
-    """Assign each axis of an ENU velocity to the time at which it was valid: its stamp minus its latency.
+    """Assign each axis of an ENU velocity to its time of validity: the stamp minus the latency of the axis.
 
     Axes that were valid at the same time are in one row, with their cross-covariance. The other axes of a row are NaN.
 
@@ -88,7 +88,7 @@ def velocity_when_true(
     return Velocity(grid_ns * 1e-9, mps, covariance)
 
 
-# Check that the streams of a recording overlap in time. Otherwise, they have different clocks or different drives.
+# Check that the streams of a recording overlap in time. Streams that do not overlap have different clocks or drives.
 
 
 def with_common_time(recording: Recording, way_out: str) -> Recording:
@@ -98,7 +98,7 @@ def with_common_time(recording: Recording, way_out: str) -> Recording:
 
     Args:
         recording: the recording to check.
-        way_out: advice at the end of the error message, which starts with "check".
+        way_out: advice at the end of the error message; it starts with the word "check".
 
     Raises:
         RecordingError: two streams do not overlap. The message contains the times of both streams.
@@ -127,8 +127,8 @@ def with_recorded_outages(recording: Recording, shortest_s: float) -> Recording:
     """Return the recording with an outage for each gap between two fixes that is longer than ``shortest_s``.
 
     Args:
-        recording: the recording, whose outages are not removed.
-        shortest_s: minimum length of an outage, or 0 to add no outages [s].
+        recording: the recording; its existing outages are preserved.
+        shortest_s: minimum length of an added outage [s], or 0 to add no outages.
 
     Raises:
         RecordingError: the reference has no positions in the gaps, for example because the fixes are the reference.

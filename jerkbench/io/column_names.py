@@ -32,9 +32,10 @@ class Name(NamedTuple):
     Attributes:
         column: the column name.
         quantity: accel, gyro, velocity, position, sigma (of a position), covariance, time, tow (time of week), week,
-            latitude, longitude, height, roll, pitch, yaw or instance.
-        axis: x, y, z, east, north, up, down, forward, left, right, horizontal, vertical, or an empty string.
-        unit: the unit in the name, or an empty string.
+            latitude, longitude, height, roll, pitch, yaw or instance (number of one of several sensors).
+        axis: x, y, z, east, north, up, down, forward, left, right, horizontal or vertical, or an empty string for a
+            quantity without axes.
+        unit: the unit in the name, or an empty string if the name contains no unit.
     """
 
     column: str
@@ -48,7 +49,7 @@ class Triple(NamedTuple):
 
     Attributes:
         names: names of the columns, with their meanings.
-        frame: the frame that the names identify, or an empty string.
+        frame: the frame that the names identify, or an empty string if the names identify no frame.
     """
 
     names: tuple[Name, ...]
@@ -73,7 +74,7 @@ _COMPLETE = dict(_complete_names())
 
 
 def parse_name(column: str, file: str = "") -> Name | None:
-    """Return the meaning of a column name, or None if it is unknown. The name of ``file`` may identify the sensor."""
+    """Return the meaning of a column name, or None if unknown. The name of ``file`` may identify the sensor."""
     plain = column.strip().lower()
     for spelling in (plain, re.sub(r"\s*[\[(].*", "", plain)):
         if spelling in _COMPLETE:
@@ -114,7 +115,8 @@ def _parts(column: str) -> tuple[list[str], str]:
 def with_meaning(names: Sequence[Name], quantity: str, axis: str = "") -> Name | None:
     """Return the column with the given quantity and axis.
 
-    Return None if no column has this meaning, or if several columns have it and none of these columns is preferred.
+    Return None if no column has this meaning, or if several columns have this meaning and none of these columns is a
+    preferred column.
     """
     fitting = [name for name in names if (name.quantity, name.axis) == (quantity, axis)]
     preferred = [name for known in _PREFERRED for name in fitting if name.column.lower() == known]
@@ -128,7 +130,7 @@ def triple(names: Sequence[Name], quantity: str, axes: Sequence[str]) -> tuple[N
 
 
 def common_unit(names: Sequence[Name], allowed: Mapping[str, object]) -> str:
-    """Return the unit of all names if the names have the same allowed unit, otherwise an empty string."""
+    """Return the unit of ``names`` if all names have the same allowed unit, otherwise an empty string."""
     units = {name.unit for name in names}
     return units.pop() if len(units) == 1 and units <= set(allowed) else ""
 
@@ -144,7 +146,7 @@ def gyro_columns(names: Sequence[Name]) -> Triple | None:
 
 
 def position_columns(names: Sequence[Name]) -> Triple | None:
-    """Return the columns of positions or None. Latitude, longitude and height are preferred to local axes."""
+    """Return the position columns, with geodetic columns preferred to local axes, or None if a column is missing."""
     places = [
         name for quantity in ("latitude", "longitude", "height") if (name := with_meaning(names, quantity)) is not None
     ]
@@ -157,13 +159,13 @@ def velocity_columns(names: Sequence[Name]) -> Triple | None:
 
 
 def sigma_of(names: Sequence[Name]) -> Triple | None:
-    """Return the columns of the standard deviations of positions, or None if their names do not contain the axes."""
+    """Return the columns of the standard deviations of positions, or None if the column names contain no axes."""
     local = _first(names, "sigma", {axes: frame for axes, frame in _LOCAL.items() if frame})
     return local or _first(names, "sigma", {("horizontal", "horizontal", "vertical"): "enu"})
 
 
 def covariance_columns(names: Sequence[Name]) -> tuple[str, ...]:
-    """Return the nine columns of a covariance of positions, or an empty tuple if a column is missing or ambiguous."""
+    """Return the nine columns of a position covariance, or an empty tuple if a column is missing or ambiguous."""
     return tuple(name.column for name in triple(names, "covariance", [str(k) for k in range(9)]))
 
 

@@ -39,7 +39,7 @@ def read_matlab(path: Path) -> "pd.DataFrame":
     """Return a table with a column for each vector and for each column of a matrix in the file.
 
     The columns of a matrix ``acc`` are named ``acc_1``, ``acc_2``, ... A field ``t`` of a structure ``imu`` is named
-    ``imu.t``. If variables have different lengths, the shorter columns end with empty cells.
+    ``imu.t``. If the variables have different lengths, empty cells are appended to the shorter columns.
 
     Raises:
         RecordingError: the file does not exist, is damaged, or has no numeric array of two rows or more.
@@ -82,7 +82,7 @@ def load_matlab_5(path: Path, **options: Any) -> dict[str, Any]:  # noqa: ANN401
     """Return the variables of a MATLAB file of version 5, after a check of the size of compressed variables.
 
     Raises:
-        RecordingError: the variables are far larger than the file.
+        RecordingError: the decompressed variables are far larger than the file.
     """
     from scipy.io import loadmat
 
@@ -90,7 +90,7 @@ def load_matlab_5(path: Path, **options: Any) -> dict[str, Any]:  # noqa: ANN401
     order: Literal["little", "big"] = "little" if content[126:128] == b"IM" else "big"
     while at < len(content):
         kind, length = (int.from_bytes(content[k : k + 4], order) for k in (at, at + 4))
-        if kind == 0:  # this is no data element of a MAT-file, so loadmat raises an error below
+        if kind == 0:  # not a data element of a MAT-file, so loadmat raises an error below
             break
         if kind == _COMPRESSED:
             unpacker, packed = zlib.decompressobj(), content[at + 8 : at + 8 + length]
@@ -104,7 +104,7 @@ def load_matlab_5(path: Path, **options: Any) -> dict[str, Any]:  # noqa: ANN401
 
 
 def _version_7_3(path: Path) -> Iterator[tuple[str, Array]]:
-    """Yield all arrays except internal reference tables. MATLAB stores transposed arrays, which are transposed here."""
+    """Yield all arrays except internal reference tables, transposed, because MATLAB stores arrays transposed."""
     import h5py
 
     with h5py.File(path) as file:
@@ -117,7 +117,7 @@ def hdf5_arrays(path: Path, file: "h5py.File") -> dict[str, Array]:
     """Return the numeric arrays of an open HDF5 file by their names.
 
     Raises:
-        RecordingError: the data of an array are in another file, or the arrays are far larger than the file.
+        RecordingError: the data of an array are in a different file, or the arrays are far larger than the file.
     """
     import h5py
 
@@ -145,7 +145,7 @@ def _columns(arrays: Mapping[str, Array]) -> Iterator[tuple[str, Array]]:
 
 
 def _series(values: Array) -> "pd.Series[Any]":
-    """Return a series whose type allows for empty cells, which a data frame appends to shorter columns."""
+    """Return a series with a type that allows the empty cells that a data frame appends to shorter columns."""
     import pandas as pd
 
     plain = values.astype(np.int64 if values.dtype.kind == "b" else values.dtype.newbyteorder("="))
@@ -192,7 +192,7 @@ class Columns:
         return list(self._names)
 
     def has(self, names: Sequence[str]) -> bool:
-        """Return whether the table has all columns ``names``, and ``names`` is not empty."""
+        """Return whether ``names`` is not empty and the table has all columns in ``names``."""
         return bool(names) and set(names) <= set(self._names)
 
     def rows_of(self, names: Sequence[str]) -> BoolArray:
@@ -205,7 +205,7 @@ class Columns:
         return np.asarray(entries.any(axis=1), dtype=np.bool_)
 
     def only(self, rows: BoolArray | IntArray, notes: tuple[str, ...] = ()) -> "Columns":
-        """Return a table with only ``rows``, and with additional ``notes``. Errors contain the original row numbers."""
+        """Return a table with only ``rows`` and more ``notes``. Error messages contain the original row numbers."""
         return Columns(self.where, self._table.iloc[rows], (*self.notes, *notes), self.t_ns[rows])
 
     def stamped(self, t_ns: IntArray) -> "Columns":
@@ -215,7 +215,7 @@ class Columns:
     def with_entries(self, names: Sequence[str]) -> "Columns":
         """Return the rows in which at least one of the columns ``names`` has an entry, sorted by their stamps.
 
-        Rows without such an entry belong to other streams.
+        Rows without an entry in these columns belong to other streams of the recording, for example to another sensor.
 
         Raises:
             RecordingError: a column does not exist, or all columns are empty.
@@ -250,7 +250,7 @@ class Columns:
         return table
 
     def stamps_ns(self, name: str, unit: str) -> IntArray:
-        """Convert a column of times in ``unit`` to integer nanoseconds (n,). Integers are converted exactly.
+        """Convert a column of times in ``unit`` to nanoseconds (n,), without rounding if the times are integers.
 
         If all values are integers of at least 2^63, 2^63 is subtracted from all values.
 
@@ -258,7 +258,7 @@ class Columns:
             RecordingError: the column does not exist, or a cell is not a number, empty or too large.
         """
         values = self._numeric(name)
-        if values.dtype == np.uint64:  # a counter that started at 2^63, of which only differences are used
+        if values.dtype == np.uint64:  # a counter that started at 2^63; only its differences are used
             values = (values - np.uint64(2**63)).astype(np.int64)
         scale = WEEK_NS if unit == "week" else TIME_UNITS[unit]
         fits = np.abs(values.astype(np.float64)) <= MAX_NANOSECONDS / scale  # NaN fails this comparison
@@ -272,8 +272,8 @@ class Columns:
         """Convert a column of dates to UTC nanoseconds since 1970 (n,). Return None if the column has no dates.
 
         A cell is a date and time as in ISO 8601 (UTC if it has no time zone), or a GPS week and time of week, for
-        example ``2374:243258.5``. A date that is not between 1980 and 2100 is replaced by the start of 2100, which is
-        also outside the valid range.
+        example ``2374:243258.5``. Each date outside the valid range (1980 to 2099) becomes the start of 2100, which is
+        outside this range, too.
 
         Raises:
             RecordingError: the column does not exist, or only some cells are dates.
@@ -331,7 +331,7 @@ class Columns:
 
 
 def _date_ns(stamps: "pd.Series[Any]") -> IntArray:
-    """Convert UTC dates to nanoseconds since 1970. Missing dates and dates out of range become `MAX_DATE_NS`."""
+    """Convert UTC dates to nanoseconds since 1970, and missing or impossible dates to `MAX_DATE_NS`."""
     seconds = stamps.dt.tz_localize(None).to_numpy(dtype="datetime64[s]").astype(np.int64)
     fits = (seconds >= MIN_DATE_NS // 10**9) & (seconds < MAX_DATE_NS // 10**9)
     ns = stamps.where(fits).dt.tz_localize(None).to_numpy(dtype="datetime64[ns]").astype(np.int64)
@@ -339,7 +339,7 @@ def _date_ns(stamps: "pd.Series[Any]") -> IntArray:
 
 
 def times_ns(columns: Columns, name: str, unit: str, week: str) -> IntArray:
-    """Convert a column of times to nanoseconds (n,). If ``week`` is not empty, the weeks in this column are added.
+    """Convert a column of times to nanoseconds (n,). The weeks in the column ``week``, if any, are added.
 
     Raises:
         RecordingError: a column does not exist, or a cell is not a time.
@@ -353,7 +353,7 @@ SOLUTION = ".pos"
 
 
 def read_columns(paths: Sequence[Path], text: TextFormat, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> Columns:
-    """Read one or several files, and return one table with the rows of all files in their order.
+    """Read one or several files, and return one table with the rows of all files in the order of ``paths``.
 
     Args:
         paths: files with CSV, other text, Parquet, MATLAB, RTKLIB's .pos, or the native format of a receiver.
@@ -403,7 +403,7 @@ def _read(path: Path, text: TextFormat, gpst_minus_utc_s: float) -> tuple["pd.Da
 
 
 def _read_parquet(path: Path) -> "pd.DataFrame":
-    """Return the columns that are not nested. Text remains dictionary-encoded to save memory."""
+    """Return the columns that are not nested. Columns of text remain dictionary-encoded to save memory."""
     import pyarrow as pa
     from pyarrow.parquet import ParquetFile
 

@@ -1,4 +1,4 @@
-"""Files of a recording: search for the files, their fingerprint (hash), and the folder of fetched recordings."""
+"""Search for the files of a recording, hashes of these files, and the folder of fetched recordings."""
 
 import hashlib
 import os
@@ -20,13 +20,14 @@ resolution of its time stamp."""
 
 
 _MARKS = "_events.pos"
-"""Ending of the event marks that RTKLIB writes with a solution."""
+"""Ending of the files with times of events that RTKLIB writes with a solution."""
 
 
 def find_files(folder: Path, pattern: str, parameter: str) -> tuple[Path, ...]:
     """Return the sorted files in ``folder`` that match ``pattern`` (a name, or a glob such as ``data/*.txt``).
 
-    The event marks that RTKLIB writes with a solution (name_events.pos) match only a pattern with this ending.
+    RTKLIB also writes the file name_events.pos with the times of events. This file matches only a pattern that ends in
+    "_events.pos".
 
     Raises:
         RecordingError: the folder does not exist, or no file matches.
@@ -49,7 +50,8 @@ def find_file(folder: Path, name: str, suffix: str, parameter: str) -> Path:
     """Return ``folder / name``. If ``name`` is empty, return the only file in ``folder`` that ends in ``suffix``.
 
     Raises:
-        RecordingError: the folder or the file is missing, or several files match. The message names ``parameter``.
+        RecordingError: the folder or the file is missing, or several files match. The error message names
+            ``parameter``.
     """
     paths = find_files(folder, name or f"*{suffix}", parameter)
     if len(paths) > 1:
@@ -81,7 +83,7 @@ class FromFiles:
 
 
 def _version(path: Path) -> tuple[int, ...]:
-    """Return a cache key that changes with the file. For a recently changed file, the key differs in each call."""
+    """Return a cache key that changes with the file, and in each call if the file was changed a short time ago."""
     stat, now_ns = path.stat(), time.time_ns()
     unrested = now_ns if now_ns - stat.st_ctime_ns < RESTING_NS else 0
     return stat.st_ino, stat.st_ctime_ns, stat.st_mtime_ns, stat.st_size, unrested
@@ -100,7 +102,7 @@ VARIABLE = "JERKBENCH_DATA"
 
 
 def fetched_folder(name: str) -> Path:
-    """Return the folder of the fetched recording ``name``. The folder may be missing."""
+    """Return the folder of the fetched recording ``name``, which does not exist if the recording was not fetched."""
     root = os.environ.get(VARIABLE)
     return (Path(root).expanduser() if root else user_cache_folder()) / name
 
@@ -116,7 +118,8 @@ def named_folder(folder: str, otherwise: str = FOLDER) -> Path:
     """Return the path of ``folder``, which is a path or ``fetched:NAME``.
 
     Raises:
-        RecordingError: the recording NAME was not fetched. The message suggests ``otherwise`` as the alternative.
+        RecordingError: the recording NAME was not fetched. The error message suggests ``otherwise`` as the alternative
+            to fetching.
     """
     if not folder.startswith(FETCHED):
         return Path(folder).expanduser()

@@ -56,7 +56,7 @@ def origin_of(values: FloatArray, frame: str) -> Origin | None:
 def in_enu(values: FloatArray, frame: str, origin: Origin | None) -> FloatArray:
     """Convert positions (n, 3) in ``frame`` to ENU [m]. Latitudes and longitudes must be in degrees.
 
-    For a position without a height, east and north are computed with an interpolated height, and up is NaN.
+    If a position has no height, east and north are computed with an interpolated height, and up is NaN.
     """
     if frame == "ned":
         return axes_in_enu(values, frame)
@@ -132,7 +132,8 @@ GYRO_UNITS = {"deg/s": float(np.pi / 180.0), "rad/s": 1.0}
 def axes_matrix(axes: tuple[str, ...]) -> FloatArray:
     """Return M (3, 3) with f_body = M f_sensor.
 
-    ``axes`` contains the sensor axes that point along the body's x, y and z axes, for example ("y", "-x", "z").
+    The argument ``axes`` contains the sensor axes that point along the body's x, y and z axes, for example ("y", "-x",
+    "z").
 
     Raises:
         PluginError: ``axes`` does not contain three axes of the sensor, or the axes are left-handed.
@@ -169,24 +170,24 @@ UPRIGHT = {
 
 
 def felt_axis(accel_mps2: FloatArray) -> str:
-    """Return the signed axis (for example "+z") on which the median of specific forces (n, 3) is largest."""
+    """Return the signed axis (such as "+z") on which the median of specific forces (n, 3) has the largest magnitude."""
     force = np.median(accel_mps2, axis=0)
     axis = int(np.argmax(np.abs(force)))
     return f"{'+' if force[axis] > 0 else '-'}{'xyz'[axis]}"
 
 
 def gravity_share(accel_mps2: FloatArray) -> tuple[str, float]:
-    """Return the axis that is nearest to gravity, and the cosine of the angle between this axis and gravity."""
+    """Return the axis with the smallest angle to gravity, and the cosine of this angle."""
     force = np.abs(np.median(accel_mps2, axis=0))
     return felt_axis(accel_mps2), float(force.max() / np.linalg.norm(force)) if force.any() else 0.0
 
 
 def gravity_notes(accel_mps2: FloatArray, parameter: str) -> tuple[str, ...]:
-    """Return a note if gravity is not on the axis +z, otherwise an empty tuple.
+    """Return a note if the largest component of gravity is not on the axis +z, otherwise an empty tuple.
 
     Args:
         accel_mps2: specific forces (n, 3) in the assumed body axes [m/s2].
-        parameter: name of the parameter that defines the body axes, for the note.
+        parameter: name of the parameter that defines the body axes; the note recommends to correct this parameter.
     """
     felt = felt_axis(accel_mps2)
     note = f"The IMU has gravity on {felt}, but a body (forward, left, up) has it on +z: attitude and forces are wrong."
@@ -223,9 +224,9 @@ def first_rest_s(t_s: FloatArray, speed_mps: FloatArray, end_s: float) -> float:
 
 
 def calibrated_at_rest(imu: Imu, rest_s: float, *, gyro: bool, accel: bool) -> Imu:
-    """Remove the bias of the gyro (if ``gyro`` is True), and scale the accelerometer (if ``accel`` is True).
+    """Remove the gyro bias if ``gyro`` is True, and scale the accelerometer if ``accel`` is True.
 
-    The bias is the mean of the gyro over the rest, and includes the rotation rate of the Earth. All axes of the
+    The gyro bias is the mean of the gyro over the rest, and includes the rotation rate of the Earth. All axes of the
     accelerometer are scaled by one factor, so that the mean specific force over the rest has the magnitude of gravity.
 
     Raises:

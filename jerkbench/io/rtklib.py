@@ -28,7 +28,7 @@ from jerkbench.recording import Origin
 if TYPE_CHECKING:
     import pandas as pd
 
-# Solutions. The last comment of a .pos file names the columns, which depend on the output options of RTKLIB.
+# Solutions of RTKLIB. The last comment of a .pos file names the columns, which depend on RTKLIB's output options.
 
 _CLOCKS = ("GPST", "UTC", "JST")
 _FRAMES = {
@@ -67,20 +67,20 @@ POS_QUALITY = "quality"
 def read_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> tuple["pd.DataFrame", tuple[str, ...]]:
     """Read a .pos file in any format that RTKLIB writes. Return the table, and notes about dropped rows.
 
-    Times may be in GPST, UTC or JST, as dates or as week and time of week. Positions may be in degrees, in degrees,
-    minutes and seconds, in ECEF, or a baseline from a base station whose position is in the header. Velocities are
-    optional, and the separator is arbitrary. The table has the columns t (UTC), `POS_POSITION`, `POS_QUALITY` and
-    `POS_COVARIANCE`. If the file has velocities, the table also has `POS_VELOCITY` and `POS_VELOCITY_COVARIANCE`.
-    Velocities and covariances are in ENU at each fix.
+    Times may be in GPST, UTC or JST, as dates or as week and time of week. Positions may be in decimal degrees, in
+    degrees, minutes and seconds, in ECEF, or relative to a base station whose position is in the header. Velocities are
+    optional, and the columns may be separated by white space, a comma or a semicolon. The table has the columns t
+    (UTC), `POS_POSITION`, `POS_QUALITY` and `POS_COVARIANCE`. If the file has velocities, the table also has
+    `POS_VELOCITY` and `POS_VELOCITY_COVARIANCE`. Velocities and covariances are in ENU at each fix.
 
-    A truncated first or last line is dropped. RTKLIB writes the square root of |c| with the sign of c for each
-    covariance c, so c = sd |sd| is computed from the value sd in the file.
+    A truncated first or last line is dropped. For each covariance c, RTKLIB writes sd, the square root of |c| with the
+    sign of c. The reader therefore computes c = sd |sd|.
 
     Source: RTKLIB manual, appendix B, "Positioning Solution File".
 
     Raises:
-        RecordingError: the file does not exist, is empty, has another header, or has a damaged line. The message names
-            the file and the line.
+        RecordingError: the file does not exist, is empty, has a header that RTKLIB does not write, or has a damaged
+            line. The error message names the file and the line.
     """
     import pandas as pd
 
@@ -107,16 +107,17 @@ def read_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> tuple["p
 
 
 def is_ellipsoidal(path: Path) -> bool | None:
-    """Return whether the header states that heights are above the ellipsoid, or None if it does not state this."""
+    """Return whether heights are above the ellipsoid, or None if the header does not state the height datum."""
     text = " ".join(text for _, text in read_lines(path) if text.startswith("%"))
     return next((datum == "ellipsoidal" for datum in ("ellipsoidal", "geodetic") if f"WGS84/{datum}" in text), None)
 
 
 def _header(path: Path, comments: Sequence[Line]) -> tuple[str, list[str]]:
-    """Return the time system of the stamps, and the names of the other columns. Degrees may have three columns.
+    """Return the time system of the stamps, and the names of the other columns, with three names for each angle in d'".
 
     Raises:
-        RecordingError: no comment names the columns, or a column is missing. The message names the file and the line.
+        RecordingError: no comment names the columns, or a column is missing. The error message names the file and the
+            line.
     """
     for number, text in reversed(comments):
         clock, *names = text.lstrip("% ").split() or [""]
@@ -137,7 +138,7 @@ def _header(path: Path, comments: Sequence[Line]) -> tuple[str, list[str]]:
 
 
 def _parts(name: str) -> list[str]:
-    """Return names for the columns of minutes and seconds, which have no names in the header."""
+    """Return names for the columns of the minutes and seconds of an angle, which have no names in the header."""
     return [f"{name} minutes", f"{name} seconds"]
 
 
@@ -196,7 +197,7 @@ _RECORD = struct.Struct("<II")  # tick [ms since the start], position in the str
 
 
 def read_time_tag(path: Path) -> tuple[int, float]:
-    """Return the start of a stream by the clock of the logger (GPST since 1970 [ns]), and its duration [s].
+    """Return the start of a stream by the logger's clock (GPST since 1970 [ns]), and the duration of the stream [s].
 
     A time tag is a little-endian binary file with a header of 60 bytes, u32 tick, u32 time_t, f64 fraction, and then
     the records (u32 ms, u32 filepos).
@@ -226,8 +227,8 @@ def read_time_tag(path: Path) -> tuple[int, float]:
 
 MIN_POS_ROWS = 2
 CLOCKS_AGREE = 0.01
-"""Maximum relative difference of the durations by the sensor's and the logger's clock. A tag with a larger difference
-belongs to another recording."""
+"""Maximum relative difference of the durations by the sensor's and the logger's clock. A time tag with a larger
+difference belongs to another recording."""
 
 
 class ImuLog(NamedTuple):
@@ -253,12 +254,12 @@ def read_imu_log(path: Path, tag_path: Path) -> ImuLog:
 
     A truncated first or last line is dropped, even if only the time in the last column is truncated.
 
-    The clock of the sensor (ms) drifts, so it is scaled to the clock of the time tag. The time since the start is
-    t = (ms - ms[0]) total / (ms[-1] - ms[0]), where total is the duration in the time tag.
+    The clock of the sensor (column ms) drifts, so its times are scaled to the duration in the time tag. The time since
+    the start is t = (ms - ms[0]) total / (ms[-1] - ms[0]), where total is this duration.
 
     Raises:
-        RecordingError: a file is missing, empty or damaged, or the two files are of different recordings. For a damaged
-            line, the message contains the number of the line.
+        RecordingError: a file is missing, empty or damaged, or the two files belong to different recordings. For a
+            damaged line, the error message contains the line number.
     """
     lines, notes = complete_lines(path, read_lines(path), ",")
     table = parse_numbers(path, lines, 7, ",")

@@ -33,10 +33,10 @@ MAX_MPS2, MAX_RADPS, MAX_MPS = 1000.0, 100.0, 200.0
 """Maximum plausible values: 100 g, 5700 deg/s, 720 km/h."""
 
 MAX_DAMAGED = 0.1
-"""Maximum fraction of damaged values. If more values are too large, they are in another unit."""
+"""Maximum fraction of damaged values. If more values are too large, the values are in another unit."""
 
 FROZEN_ROWS = 10
-"""Minimum number of equal consecutive angular rates that are frozen. The noise of measurements changes the last digit.
+"""Minimum number of equal consecutive angular rates that are regarded as frozen, because noise changes the last digit.
 """
 
 REPEATED = 0.05
@@ -60,16 +60,17 @@ MAX_ROUNDED = 0.5
 """Maximum fraction of different rows with the stamp of the previous row, if all stamps are whole seconds."""
 
 LATE_NS = 1_000_000_000
-"""Maximum time by which a late row is older than the previous row. With a larger difference a clock was set back."""
+"""Maximum time by which a row that is sorted is older than a previous row. A larger time means that a clock was set
+back."""
 
 MAX_NUMBERS, MAX_RATIO = 16_000_000, 20
-"""Number of values (of 8 bytes) that is allowed in any file. If a file has more, MAX_RATIO is the maximum ratio of the
-size of its values to the size of the file. Measurements are hardly compressible, but a header of two kilobytes can
-declare gigabytes."""
+"""Number of values (of 8 bytes) that is allowed in any file. If a file declares more values, MAX_RATIO is the maximum
+ratio of the size of its values to the size of the file. Measurements are hardly compressible, but a header of two
+kilobytes can declare gigabytes."""
 
 
 def require_size(path: Path, numbers: int) -> None:
-    """Check the number of values that a file declares, before the reader allocates memory for them.
+    """Check the number of values that a file declares, before the reader allocates memory for these values.
 
     Raises:
         RecordingError: a file of this size cannot contain this number of values.
@@ -128,7 +129,7 @@ def possible_rows(
     frame: str = "geodetic",
     utc_ns: npt.ArrayLike | None = None,
 ) -> tuple[BoolArray, tuple[str, ...]]:
-    """Return a mask (n,) of the rows with a possible position and time, and a note for each fault of other rows.
+    """Return a mask (n,) of the rows with a possible position and time, and a note for each fault of the dropped rows.
 
     Args:
         where: name of the file, or of the topic of a bag, for messages.
@@ -156,7 +157,7 @@ def drop_notes(
     Args:
         where: name of the file, or of the topic of a bag, for the notes.
         faults: for each fault, a mask (n,) of the rows with this fault.
-        done: the treatment of the rows with a fault.
+        done: text that states the treatment of the rows with a fault, for example "dropped".
         since_s: (n,) times of the rows since the start of a bag [s].
     """
     notes = []
@@ -172,7 +173,7 @@ def require_fractions(where: str, t_ns: IntArray, changed: BoolArray) -> None:
 
     Args:
         where: name of the file for the message.
-        t_ns: (n,) stamps in order.
+        t_ns: (n,) stamps of the rows, in the order of the file [ns].
         changed: (n,) whether each row has other values than the previous row.
 
     Raises:
@@ -190,11 +191,12 @@ def require_fractions(where: str, t_ns: IntArray, changed: BoolArray) -> None:
 def ordered_rows(where: str, t_ns: IntArray) -> tuple[IntArray, tuple[str, ...]]:
     """Return the indices of the rows sorted by their stamps, and notes about late and dropped rows.
 
-    Rows that are late by less than a second are sorted. Rows are dropped if their stamp is repeated, or if a clock was
-    set back by a second or more.
+    A row whose stamp is older than a previous stamp by less than a second is sorted. A row is dropped if its stamp is
+    repeated, or is older than a previous stamp by a second or more, because a clock was set back.
 
     Raises:
-        RecordingError: a clock was set back for more than 10 % of the rows, because the rows are of several logs.
+        RecordingError: more than 10 % of the rows are a second or more older than a previous row, because the rows come
+            from several logs.
     """
     highest = np.maximum.accumulate(t_ns)
     set_back = t_ns <= highest - LATE_NS
@@ -219,8 +221,8 @@ def held_rows(values: FloatArray) -> BoolArray:
     """Return a mask (n,) of the rows in which a logger repeats the previous measurement.
 
     The measurements (n, k) have a lower rate than the rows if equal consecutive rows form runs of nearly the same
-    length. The first row of each run is a measurement. In a longer run of equal values, for example at standstill, one
-    new measurement is assumed for each typical run length.
+    length. The first row of each run of equal rows is a measurement. If a run is longer than usual, for example at
+    standstill, one new measurement is assumed for each typical run length.
     """
     n = len(values)
     new = np.concatenate([[True], (values[1:] != values[:-1]).any(axis=1)])[:n]
@@ -237,7 +239,7 @@ def held_rows(values: FloatArray) -> BoolArray:
 
 
 def beyond(values: FloatArray, most: float) -> BoolArray:
-    """Return a mask (n,) of the rows of ``values`` (n, k) with an absolute value larger than ``most``."""
+    """Return a mask (n,) of the rows of ``values`` (n, k) that contain an absolute value larger than ``most``."""
     return np.asarray((np.abs(values) > most).any(axis=1))
 
 
@@ -264,7 +266,7 @@ def imu_in_body(
         turn: (3, 3) matrix M with f_body = M f_sensor.
 
     Raises:
-        RecordingError: more than 10 % of the samples are impossible, because the unit is wrong. The message names
+        RecordingError: more than 10 % of the samples are impossible, because the unit is wrong. The error message names
             ``where`` and the first impossible sample.
     """
     force, rate = accel * ACCEL_UNITS[units[0]] @ turn.T, gyro * GYRO_UNITS[units[1]] @ turn.T
@@ -312,8 +314,8 @@ def imu_gap_notes(imu: Imu | None) -> tuple[str, ...]:
 def frozen_rows(values: FloatArray) -> BoolArray:
     """Return a mask (n,) of the rows of ``values`` (n, k) that repeat the previous row in a long run of equal rows.
 
-    A long run has at least `FROZEN_ROWS` rows. A long run at the start is masked completely, because the sensor has not
-    measured yet.
+    A long run has at least `FROZEN_ROWS` rows. If a long run is at the start, its first row is also masked, because the
+    sensor has not measured yet.
     """
     same = np.concatenate([[False], (np.diff(values, axis=0) == 0).all(axis=1)])[: len(values)]
     run = np.cumsum(~same)
@@ -330,7 +332,7 @@ def unit_quaternions(quaternions: FloatArray) -> BoolArray:
 def steady_rows(
     where: str, t_s: FloatArray, places: FloatArray, frame: str = "geodetic"
 ) -> tuple[BoolArray, tuple[str, ...]]:
-    """Return a mask (n,) of the fixes that do not leap, and a note that counts the leaping fixes, if any.
+    """Return a mask (n,) of the fixes near their neighbours, and a note with the number of other fixes, if any.
 
     Args:
         where: name of the file, or of the topic of a bag, for messages.
@@ -339,7 +341,7 @@ def steady_rows(
         frame: frame of the positions: geodetic [deg, deg, m], ecef [m] or a local frame [m].
 
     Raises:
-        RecordingError: all fixes leap.
+        RecordingError: all fixes are far from their neighbours (`leaping_rows`).
     """
     leaps = leaping_rows(t_s, axes_to_judge(places, frame))
     if len(leaps) and leaps.all():
@@ -351,10 +353,11 @@ def steady_rows(
 
 
 def leaping_rows(t_s: FloatArray, position_m: FloatArray) -> BoolArray:
-    """Return a mask (n,) of the positions that are too far from the median of the five nearest rows.
+    """Return a mask (n,) of the positions that are too far from the median of the five nearest rows in time.
 
     Axes that were not measured are NaN. Each axis is compared with the nearest five rows in which it was measured. A
-    position is too far if, with the distance from the median and the time span of the five rows::
+    position is too far from its neighbours if the following condition is true, where distance is the distance from the
+    median and time is the time span of the five rows::
 
         sum over the axes of (distance / (50 m + 100 m/s time))^2 > 1
     """

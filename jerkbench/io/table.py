@@ -50,21 +50,23 @@ def covariances_of(
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Return covariances (n, 3, 3) in ENU, and notes that count invalid and missing covariances.
 
-    If a covariance is not positive definite, only the absolute values of its variances are used. The causes are
-    rounding, and solutions that are not a minimum, for which RTKLIB writes a negative standard deviation. A row without
-    any entry in the columns of the covariance has the standard deviation ``otherwise``.
+    If a covariance is not positive definite, only the absolute values of its variances are used. Such a covariance is
+    caused by rounding, or by a negative standard deviation, which RTKLIB writes for a solution that is not a minimum.
+    The standard deviation ``otherwise`` is used in a row that has no entry in the columns of the covariance, or a
+    variance of zero.
 
     Args:
         columns: the table.
-        sigma: columns of standard deviations: one for all axes, three, or six in the order of RTKLIB (11, 22, 33, 12,
-            23, 31), each of which is the square root of |c| with the sign of the covariance c.
-        covariance: columns of one variance for all axes, three variances, six elements (11, 22, 33, 12, 13, 23), or
-            nine elements row by row.
+        sigma: names of columns of standard deviations: one column for all axes, three columns, or six columns in the
+            order of RTKLIB (11, 22, 33, 12, 23, 31), which contain the square root of |c| with the sign of the
+            covariance c.
+        covariance: names of the columns with one variance for all axes, three variances, six elements of the covariance
+            matrix (11, 22, 33, 12, 13, 23), or all nine elements row by row.
         frame: frame of the axes: enu, ned or ecef.
         otherwise: standard deviation of rows without a covariance [m or m/s].
-        origin: origin of ENU, or None if it is unknown.
-        scale: factor on the columns of standard deviations. For DOP values, the factor is the standard deviation of a
-            range [m].
+        origin: origin of ENU, or None if the origin is unknown.
+        scale: factor by which the standard deviations are multiplied. If the columns contain DOP values, the factor is
+            the standard deviation of a range measurement [m].
 
     Raises:
         RecordingError: a column does not exist, a cell is not a number, or the axes are in ECEF and the origin is
@@ -127,7 +129,7 @@ def read_attitude(
         angles: three columns (roll, pitch, yaw) or four columns (w, x, y, z) of the rotation from the body to the local
             frame, or an empty tuple.
         unit: unit of roll, pitch and yaw: rad or deg.
-        frame: local frame of the attitude: enu or ned.
+        frame: local frame of the attitude, either enu or ned.
         body: the axes that the attitude describes: flu, frd or sensor.
         imu_axes: the axes of the sensor that point along the body's x, y and z axes.
 
@@ -192,7 +194,8 @@ def require_columns(table: object, velocity_frame: str) -> None:
     """Check the number of columns in each parameter of the data set `table`.
 
     Raises:
-        PluginError: a parameter has a wrong number of columns, or a stream has columns of sigma and of covariance.
+        PluginError: a parameter has a wrong number of columns, or a stream has both columns of standard deviations and
+            columns of covariances.
     """
     speed = {"velocity_columns": (1,), "velocity_sigma": (0, 1), "velocity_covariance": (0, 1)}
     require_lengths(table, _COUNTS | (speed if velocity_frame == "speed" else {}))
@@ -233,7 +236,7 @@ class Source(NamedTuple):
         file: name of the file, or a pattern of several files, or empty if the recording does not have this stream.
         time: column of the times, or empty if the times are in the file ``time_file`` of `TimedColumns`.
         shift_s: time shift that is added to the stamps [s].
-        unit: unit of the times, or empty to use ``time_unit`` of `TimedColumns`.
+        unit: unit of the times, or empty to use the unit ``time_unit`` of `TimedColumns`.
         qualities: accepted values of the column ``quality``, or empty to accept all values.
         quality: column with the quality of each row, or empty if the file has no such column.
     """
@@ -256,7 +259,7 @@ def accepted(where: str, quality: FloatArray, qualities: tuple[float, ...], para
     """Return a mask (n,) of the rows whose quality is among the ``qualities``.
 
     Raises:
-        RecordingError: no row has an accepted quality. The message lists the qualities in the file.
+        RecordingError: no row has an accepted quality. The error message lists the qualities in the file.
     """
     rows = np.isin(quality, qualities)
     if not rows.any():
@@ -268,8 +271,8 @@ def accepted(where: str, quality: FloatArray, qualities: tuple[float, ...], para
 def _without_cut_times(columns: Columns) -> Columns:
     """Drop the first or the last row if its time is truncated, and add a note that counts the dropped rows.
 
-    If the first time lacks its first digits, it is so early that the next step is longer than the rest of the log. If
-    the last time lacks its last digits, it is earlier than the previous time.
+    If the first digits of the first time are missing, the first time step is longer than the rest of the log. If the
+    last digits of the last time are missing, the last time is earlier than the previous time.
     """
     steps = np.diff(columns.t_ns)
     if len(steps) < MIN_STEPS or (steps[1:-1] <= 0).any():
@@ -292,11 +295,11 @@ class TimedColumns:
         separator: separator of the columns of a text file, or empty for white space.
         header: whether a line above the data names the columns. The header is the first line with as many fields as the
             data, so a title or a line of units is ignored. Without a header, the columns are numbered from 1.
-        comment: start of the lines that are ignored.
+        comment: characters at the start of the lines that are ignored, or empty to ignore no lines.
         time_unit: unit of all columns of times: s, ms, us or ns. A stream may have a different unit.
         time_week: column with the GPS week, or empty if the times do not restart each week. Dates (ISO 8601) and stamps
             such as 2374:243258.5 (week and time of week) do not need this column.
-        time_file: a file, or a pattern, with one UTC date and time per row, for a stream without a column of times.
+        time_file: name or pattern of files with one UTC date and time per row, for a stream without a column of times.
         epoch: epoch of the times: unix (1970, UTC), gps (1980, GPS time), or none (unknown).
         gpst_minus_utc_s: GPS time minus UTC, which is 18 s since 2017 [s].
         drop_leaps: whether to drop fixes that no vehicle could have reached from the neighbouring fixes. Use false to
@@ -318,7 +321,7 @@ class TimedColumns:
         """Return the files in the folder that match the pattern.
 
         Raises:
-            RecordingError: no file matches. The message names ``parameter``.
+            RecordingError: no file matches. The error message names ``parameter``.
         """
         return find_files(named_folder(self.folder), pattern, parameter)
 
@@ -343,15 +346,15 @@ class TimedColumns:
             )
         columns = _without_cut_times(columns.stamped(t_ns + round(source.shift_s * 1e9)))
         epoch_ns = self._epoch_ns
-        if epoch_ns is None or (columns.t_ns + epoch_ns < MIN_DATE_NS).all():  # relative times
+        if epoch_ns is None or (columns.t_ns + epoch_ns < MIN_DATE_NS).all():  # the times are relative
             return columns
         return columns.only(*possible_rows(columns.name, utc_ns=columns.t_ns + epoch_ns))
 
     def start_utc(self, zero_ns: int) -> datetime | None:
         """Convert the time ``zero_ns`` to UTC. Return None if the epoch is "none".
 
-        Relative times give a date close to the epoch. This date is not printed, but it aligns trajectories with the
-        same relative times.
+        If the times are relative, the returned date is close to the epoch. Such a date is not printed, but aligns
+        trajectories that have the same relative times.
         """
         epoch_ns = self._epoch_ns
         return None if epoch_ns is None else UNIX_EPOCH + timedelta(microseconds=(zero_ns + epoch_ns) // 1000)
@@ -376,7 +379,7 @@ class TimedColumns:
         return dates_ns - self._epoch_ns
 
 
-# The accuracy of the reference, and its epochs that are too inaccurate to be scored.
+# The accuracy of the reference, and the epochs at which the reference is too inaccurate for scoring.
 
 
 def with_sigma(reference: Reference, sigma_m: FloatArray | None, worst_m: float) -> tuple[Reference, tuple[str, ...]]:

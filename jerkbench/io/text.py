@@ -73,7 +73,7 @@ def read_lines(path: Path) -> list[Line]:
 
 
 def parse_numbers(path: Path, lines: list[Line], columns: int, separator: str | None = None) -> FloatArray:
-    """Return the numbers in ``lines``, shape (n, columns). The ``separator`` None is white space.
+    """Return an array (n, columns) of the numbers in ``lines``. If ``separator`` is None, white space separates fields.
 
     Raises:
         RecordingError: ``lines`` is empty, or a line has a wrong number of fields or a field that is not finite.
@@ -81,7 +81,7 @@ def parse_numbers(path: Path, lines: list[Line], columns: int, separator: str | 
     if not lines:
         raise RecordingError(f"{path} has no rows of data; {columns} columns of numbers are expected.")
     table = np.empty((0, 0))
-    if any(text.strip() for _, text in lines):  # otherwise, NumPy warns about empty input
+    if any(text.strip() for _, text in lines):  # for empty input, NumPy would print a warning
         with suppress(ValueError):
             table = np.loadtxt([text for _, text in lines], delimiter=separator, comments=None, ndmin=2)
     if table.shape != (len(lines), columns) or not (np.abs(table) <= MAX_NUMBER).all():
@@ -93,7 +93,8 @@ def require_increasing(path: Path, lines: list[Line], times: np.ndarray, quantit
     """Check that ``times`` increase from line to line.
 
     Raises:
-        RecordingError: a time does not increase. The message contains the number of the first such line.
+        RecordingError: a time does not increase. The error message contains the number of the first line whose time
+            does not increase.
     """
     back = np.flatnonzero(np.diff(times) <= 0)
     if back.size:
@@ -106,7 +107,8 @@ def require_possible(where: str, values: FloatArray, most: float = MAX_NUMBER) -
     """Check that no absolute value exceeds ``most``. NaN is allowed.
 
     Raises:
-        RecordingError: an absolute value exceeds ``most``. The message names ``where`` and the first such row.
+        RecordingError: an absolute value exceeds ``most``. The error message names ``where`` and the first row with
+            such a value.
     """
     beyond = np.abs(values.reshape(len(values), -1)) > most
     if beyond.any():
@@ -129,7 +131,7 @@ def _first_fault(path: Path, lines: list[Line], columns: int, separator: str | N
 # The first and the last line of a log may be truncated, because the logger was switched on or off.
 
 AROUND = 20
-"""Number of neighbouring lines that the first and the last line are compared with."""
+"""Number of neighbouring lines with which the first line and the last line are compared."""
 
 MIN_LINES = 4
 """Minimum number of lines in which a truncated line can be identified."""
@@ -140,7 +142,7 @@ def cut_ends(lines: Sequence[str], separator: str | None) -> tuple[bool, bool]:
 
     A line is truncated if it has fewer fields than each of its neighbours. A line is also truncated if its outer field
     (the first field of the first line, the last field of the last line) is not a number, but the same field of each
-    neighbour is a number. A line of names is not truncated.
+    neighbour is a number. A line of column names does not count as truncated.
 
     Args:
         lines: lines of data, in the order of the file.
@@ -161,7 +163,7 @@ def complete_lines(path: Path, lines: list[Line], separator: str | None = None) 
 
 
 def cut_note(name: str, *, first: bool, last: bool) -> tuple[str, ...]:
-    """Return a note about the dropped ``first`` and ``last`` row of the file ``name``, or an empty tuple."""
+    """Return a note if the ``first`` or ``last`` row of the file ``name`` was dropped, otherwise an empty tuple."""
     which = [end for end, cut in (("first", first), ("last", last)) if cut]
     if not which:
         return ()
@@ -170,7 +172,7 @@ def cut_note(name: str, *, first: bool, last: bool) -> tuple[str, ...]:
 
 
 def is_number(entry: str) -> bool:
-    """Return whether an entry is a number, without underscores between the digits."""
+    """Return whether an entry is a number. Python numbers with underscores, such as 1_000, do not count."""
     try:
         float(entry)
     except ValueError:
@@ -274,7 +276,7 @@ def _is_data(line: str, text: TextFormat) -> bool:
 
 
 def _naming(above: Sequence[int], lines: Sequence[str], data: int, text: TextFormat) -> int | None:
-    """Return the index of the header: the first line with as many fields as the data, or the last line above them."""
+    """Return the index of the header: the first line with as many fields as the data, or the line above the data."""
     count = len(text.fields(lines[data]))
     fitting = [k for k in above if len(text.fields(lines[k].lstrip(_MARKS))) == count]
     return fitting[0] if fitting else above[-1] if above else None

@@ -1,7 +1,8 @@
 """Readers of fixes in native formats of receivers (NMEA 0183, GPX, gpsd's JSON), for the data set `table`.
 
 Each reader returns a table with the columns t (UTC), latitude, longitude [deg] and height [m]. If the format has them,
-the table also has sigma_east, sigma_north, sigma_up [m], hdop, quality, and ve, vn, vu [m/s]. Missing values are empty.
+the table also has sigma_east, sigma_north, sigma_up [m], hdop, quality, and ve, vn, vu [m/s]. Cells of missing values
+are empty.
 """
 
 import json
@@ -54,7 +55,7 @@ def track_reader(path: Path) -> Callable[[Path], "TrackTable"] | None:
 
 
 def _number(value: object) -> float | None:
-    """Return the finite number in a field, or None if the field is not a finite number."""
+    """Return the number in a field, or None if the field is not a finite number."""
     try:
         number = float(value) if isinstance(value, str | int | float) and "_" not in str(value)[:64] else math.nan
     except (ValueError, OverflowError):
@@ -101,7 +102,7 @@ def read_nmea(path: Path) -> "TrackTable":
     """Return the fixes in NMEA sentences: positions of GGA, GNS and RMC, sigmas of GST, velocities of RMC.
 
     A sentence with a wrong checksum is dropped. Heights are above the ellipsoid if GGA or GNS contains the height of
-    the geoid. The dates are from RMC or ZDA. If the time of day restarts, the next day begins.
+    the geoid. The dates are read from the sentences RMC or ZDA. A time of day that restarts at zero marks the next day.
 
     Raises:
         RecordingError: the file is missing, no sentence has a position, or no sentence has a date.
@@ -146,7 +147,7 @@ def _sentences(path: Path) -> list[str]:
 
 
 def _parsed(line: str) -> tuple[list[str], bool]:
-    """Return the fields of a sentence, and whether its checksum (XOR of the characters between $ and *) is correct."""
+    """Return the fields, and whether the checksum (XOR of the characters between $ and *) is correct or absent."""
     body, star, given = line.strip().partition("*")
     checksum = reduce(lambda a, b: a ^ b, body[1:].encode(), 0)
     return body.split(","), not star or given.upper() == f"{checksum:02X}"
@@ -169,7 +170,7 @@ def _latitude_longitude(*fields: str) -> TrackRow:
 
 
 def _fix(fields: list[str]) -> TrackRow:
-    """Return the fix of GGA or GNS, which differ in the quality and in the index of the height of the geoid."""
+    """Return the fix in a sentence GGA or GNS, which have different quality codes and indices of the geoid height."""
     is_gga = fields[0].endswith("GGA")
     letters = (GNS_QUALITY.get(letter, 0.0) for letter in fields[6])
     quality = _number(fields[6]) if is_gga else max(letters, default=0.0)
@@ -205,7 +206,7 @@ READ = {"GGA": (12, _fix), "GNS": (11, _fix), "RMC": (10, _rmc), "GST": (9, _gst
 
 
 def _along(speed_mps: float, course_deg: float) -> tuple[float, float]:
-    """Return the east and north components of a speed. The course is clockwise from north."""
+    """Return the east and north components of a speed, where the course is clockwise from north."""
     course = np.radians(course_deg)
     return float(speed_mps * np.sin(course)), float(speed_mps * np.cos(course))
 
@@ -282,5 +283,5 @@ def read_gpsd(path: Path) -> "TrackTable":
         speed, track = said.get("speed"), said.get("track")
         if row["ve"] is None and speed is not None and track is not None:
             row["ve"], row["vn"] = _along(speed, track)
-        rows[int(row["t"] or -number)] = row if mode else {"t": None}  # a later report of an epoch is more complete
+        rows[int(row["t"] or -number)] = row if mode else {"t": None}  # later reports are more complete
     return _table(path, list(rows.values()), (), "reports of the class TPV with time, lat and lon are needed")

@@ -1,4 +1,4 @@
-"""Readers of estimated trajectories, from columns of a file or the odometry of a bag, and their interpolation."""
+"""Readers of estimated trajectories, from columns of a file or the odometry of a bag, and interpolation."""
 
 import glob
 import hashlib
@@ -53,10 +53,11 @@ def estimate_at_reference(trajectory: Trajectory, recording: Recording, max_gap_
     """Interpolate a trajectory at the stamps of the reference that the trajectory covers, without alignment.
 
     Position, velocity and covariance are interpolated linearly, and the attitude along the shortest rotation. If the
-    trajectory ends more than ``max_gap_s`` seconds before the reference, the estimate is marked as failed.
+    trajectory ends more than ``max_gap_s`` seconds before the reference, the attribute ``failure`` of the estimate is a
+    message about the early end.
 
     Raises:
-        RecordingError: a stamp is between two samples whose interval is longer than ``max_gap_s``.
+        RecordingError: a stamp of the reference is between two samples whose interval is longer than ``max_gap_s``.
     """
     t_s, stamps_s = trajectory.t_s, recording.reference.t_s
     nearest_s = t_s[nearest_rows(t_s, stamps_s)]
@@ -89,7 +90,7 @@ def _require_near(trajectory: Trajectory, stamps_s: FloatArray, gap_s: float) ->
     """Check that no stamp is between two samples whose interval is longer than ``gap_s``.
 
     Raises:
-        RecordingError: there is such a stamp.
+        RecordingError: a stamp is between two samples with a longer interval.
     """
     t_s = trajectory.t_s
     after = np.searchsorted(t_s, stamps_s)
@@ -104,7 +105,7 @@ def _require_near(trajectory: Trajectory, stamps_s: FloatArray, gap_s: float) ->
 
 
 def _interpolated_angles(t_s: FloatArray, euler_rad: FloatArray | None, stamps_s: FloatArray) -> FloatArray:
-    """Interpolate angles (k, 3) along the shortest rotation. The result is NaN if one of the two samples is unknown."""
+    """Interpolate angles along the shortest rotation (k, 3), with NaN between samples of which one is unknown."""
     from scipy.spatial.transform import Rotation, Slerp
 
     angles_rad = np.full((len(stamps_s), 3), np.nan)
@@ -138,8 +139,8 @@ def read_odometry(path: Path, topic: str, recording: Recording) -> Trajectory:
     Args:
         path: path of the bag.
         topic: name of the topic, or empty for the only odometry of the bag.
-        recording: the recording that the node has processed. If the recording has no date, it is assumed to start on 1
-            January 2020, as in a bag that jerkbench exports.
+        recording: the recording that the ROS node has processed. If the recording has no date, its start is assumed to
+            be 1 January 2020, because a bag that jerkbench exports then starts on this date.
 
     Raises:
         RecordingError: the topic does not exist, has no poses, or has stamps that do not increase.
@@ -172,8 +173,8 @@ def read_odometry(path: Path, topic: str, recording: Recording) -> Trajectory:
 def _odometry_covariance(messages: Messages, dcm: FloatArray) -> FloatArray | None:
     """Return covariances (n, 6, 6) in ENU, or None if all position covariances are zero.
 
-    The cross-covariances of position and velocity are zero. If all velocity covariances in the messages are zero, they
-    are unknown, and all elements except the position covariances are NaN.
+    The cross-covariances of position and velocity are zero. If all velocity covariances in the messages are zero, the
+    velocity covariance is unknown, and all elements except the position covariances are NaN.
     """
     position, linear = (messages.values.get(f"{part}_covariance", np.zeros(1)) for part in ("position", "linear"))
     if not position.any():
@@ -219,9 +220,9 @@ _KNOWN: dict[str, dict[str, Any]] = {".tum": TUM, ".nav": KF_GINS}
 class TrajectoryForm:
     """The columns of a trajectory, by the names in the header or by numbers from 1.
 
-    A file that ends in .tum (``t x y z qx qy qz qw``) or .nav (KF-GINS) needs no columns. In any other table (CSV,
-    Parquet, .mat), the default columns have the names of an exported recording. The required columns are t_s and the
-    position: east_m, north_m, up_m (ENU), north_m, east_m, down_m (NED), or latitude_deg, longitude_deg, height_m
+    For a file that ends in .tum (``t x y z qx qy qz qw``) or .nav (KF-GINS), the columns are known. In any other table
+    (CSV, Parquet, .mat), the default columns have the names of an exported recording. The required columns are t_s and
+    the position: east_m, north_m, up_m (ENU), north_m, east_m, down_m (NED), or latitude_deg, longitude_deg, height_m
     (geodetic). Optional columns are east_mps, north_mps, up_mps (for NED and geodetic positions: north_mps, east_mps,
     down_mps), roll_rad, pitch_rad, yaw_rad, and P11, P12, ..., P16, P22, ..., P66.
 
@@ -229,26 +230,26 @@ class TrajectoryForm:
         time: column of the times.
         time_unit: unit of the times: s, ms, us or ns.
         time_week: column with the GPS week, or empty if the times do not restart each week.
-        clock: epoch of the times: start (of the recording) or unix (1970, UTC). If ``clock`` is empty, times are since
-            1970 if the first time is larger than 100 000 000 s.
-        position: three columns of positions, in the order of the frame.
-        frame: frame of position, covariance and velocity: enu, ned, geodetic (velocity, covariance and attitude are in
-            NED) or ecef (only for positions).
+        clock: epoch of the times: start (of the recording) or unix (1970, UTC). If ``clock`` is empty, the epoch is
+            unix if the first time is larger than 100 000 000 s, otherwise start.
+        position: names of three columns of positions, in the order of the axes of ``frame``.
+        frame: frame of position, covariance and velocity: enu, ned, geodetic or ecef. With geodetic positions,
+            velocity, covariance and attitude are in NED. The frame ecef is only for positions.
         angle_unit: unit of latitude and longitude: deg or rad.
-        velocity: three columns of velocities [m/s].
-        attitude: three columns (roll, pitch, yaw) or four columns (w, x, y, z) of the rotation from the body to the
-            local frame.
+        velocity: names of three columns of velocities [m/s].
+        attitude: names of three columns (roll, pitch, yaw) or four columns (w, x, y, z) of the rotation from the body
+            to the local frame.
         attitude_unit: unit of roll, pitch and yaw: rad or deg.
         attitude_frame: local frame of the attitude: enu or ned, or empty for the frame of the velocity.
         body: axes that the attitude describes: flu or frd.
-        covariance: columns of three (position) or six (position and velocity) variances, or of the covariance matrix
-            with 21 (11, 12, ..., 16, 22, ..., 66) or 36 elements, row by row.
+        covariance: names of the columns with three variances (position), six variances (position and velocity), or 21
+            (11, 12, ..., 16, 22, ..., 66) or 36 elements of the covariance matrix, row by row.
         separator: separator of the columns of a text file, or empty for white space.
-        header: whether a line names the columns.
-        comment: start of the lines that are ignored.
+        header: whether a line above the data names the columns.
+        comment: characters at the start of the lines that are ignored, or empty to ignore no lines.
         topic: topic of a ROS bag with Odometry or poses, or empty for the only Odometry of the bag. Poses must be in
             the ENU frame of the recording, with body axes forward, left and up. Twists must be in body axes. The
-            parameters above are not used for a bag.
+            parameters from ``time`` to ``comment`` have no effect for a bag.
         max_gap_s: maximum interval between two samples that is interpolated [s].
     """
 
@@ -289,7 +290,7 @@ COVARIANCE = tuple(f"P{i + 1}{j + 1}" for i, j in _UPPER)
 """Default names of the columns of the covariance."""
 
 LATER_THAN_NS = 100_000_000 * 1_000_000_000
-"""Stamps larger than this are times since 1970, because no recording lasts three years."""
+"""Larger stamps are regarded as times since 1970, because no recording lasts three years."""
 
 STILL = np.array([0.0, 0.0, 0.0])
 
@@ -300,12 +301,12 @@ def read_trajectory(path: Path, declared: TrajectoryForm, recording: Recording) 
     Args:
         path: path of a .tum, .nav, .csv, .parquet or .mat file, of a ROS bag (.bag, .db3, .mcap), or of any text file
             with columns.
-        declared: the format of files whose ending does not define the format.
-        recording: the recording with the clock and the ENU frame of the result.
+        declared: the format of the file, if the ending of its name does not define the format.
+        recording: the recording that defines time 0 and the ENU frame of the result.
 
     Raises:
         RecordingError: the file or a column does not exist, a cell is not a finite number, times do not increase, or
-            the recording has no start or origin to convert the times or positions.
+            the recording lacks the start or the origin that the conversion of times or positions needs.
     """
     if not path.is_file():
         raise RecordingError(f"The trajectory {path} does not exist; correct the path.")
@@ -421,7 +422,7 @@ def path_of_seed(pattern: str, seed: int) -> Path:
 
 
 def seeds_of(pattern: str) -> dict[int, Path]:
-    """Return the existing files by their seeds, sorted, or an empty dictionary if the pattern has no ``{seed}``."""
+    """Return the existing files by seed, sorted, or an empty dictionary if the pattern does not contain ``{seed}``."""
     pattern = str(Path(pattern).expanduser())
     first, *others = map(re.escape, pattern.split(SEED))
     expression = re.compile(first + r"(\d+)" + r"\1".join(others) if others else "(?!)")
@@ -430,7 +431,7 @@ def seeds_of(pattern: str) -> dict[int, Path]:
 
 
 def files_digest(pattern: str) -> str:
-    """Return the SHA-256 hash of the seeds and of the content of the files of all seeds.
+    """Return one SHA-256 hash of all seeds and the contents of their files.
 
     Raises:
         RecordingError: a file does not exist.
@@ -448,7 +449,8 @@ def pattern_of(names: Sequence[str]) -> str:
     """Return the pattern of file names that differ in one number, for example ``run_{seed}.tum`` for ``run_0.tum``.
 
     Raises:
-        RecordingError: the names differ in more than one number, or the pattern would match other files.
+        RecordingError: the names differ in more than one number, or the pattern would not give these names, for example
+            because of leading zeros.
     """
     if len(set(names)) == 1:
         return names[0]

@@ -42,10 +42,10 @@ WrittenColumns = dict[str, FloatArray]
 def recording_table(
     recording: Recording, coordinates: str = "enu", more: Sequence[tuple[FloatArray, WrittenColumns]] = ()
 ) -> "pd.DataFrame":
-    """Return a table of all streams of a recording and of ``more`` streams. Times are seconds since the start.
+    """Return a table of all streams of a recording and of ``more`` streams, with times in seconds since the start.
 
-    The names of the columns contain the units. Variances have the order of the position or velocity columns. With
-    geodetic coordinates, variances are in the order east, north, up.
+    The names of the columns contain the units. The variances are in the order of the position or velocity columns. With
+    geodetic coordinates, the position variances are in the order east, north, up.
 
     Raises:
         RecordingError: ``coordinates`` is "geodetic", and the recording has no origin.
@@ -136,7 +136,7 @@ INPUTS = ("attitude_accel_east_mps2", "attitude_accel_north_mps2", "attitude_acc
 """Columns that the attitude filter computes from the IMU."""
 
 _UNITS = {"mps": "m/s", "mps2": "m/s2", "radps": "rad/s", "m2ps2": "m2/s2"}
-"""The unit for each ending of a column name that differs from the unit."""
+"""Unit for each ending of a column name, if the ending differs from the unit."""
 
 _SAID = tomllib.loads(Path(__file__).with_name("recording.toml").read_text(encoding="utf-8"))
 
@@ -144,7 +144,7 @@ _SAID = tomllib.loads(Path(__file__).with_name("recording.toml").read_text(encod
 def input_table(recording: Recording, attitude: Attitude | None = None) -> "pd.DataFrame":
     """Return a table of all streams except the reference, with a row for each stamp of any stream or the reference.
 
-    The column ``evaluated`` is 1 at stamps of the reference. Missing values are empty.
+    The column ``evaluated`` is 1 at stamps of the reference, otherwise 0. Cells of missing values are empty.
     """
     more: list[tuple[FloatArray, WrittenColumns]] = []
     if attitude is not None and recording.imu is not None:
@@ -161,7 +161,7 @@ def _bare(recording: Recording) -> Recording:
 
 
 def write_reference(recording: Recording, path: Path) -> None:
-    """Write the reference to a table with a column that marks the scored stamps. Methods must not use this file."""
+    """Write the reference to a table with a column that marks the scored stamps. Methods must not read this table."""
     import pandas as pd
 
     reference = recording.reference
@@ -223,7 +223,7 @@ def write_recording(
         attitude: estimated attitude, which is added to tables, or None to omit the attitude.
         folder: folder in which the files are written.
         formats: names of the formats, which are keys of `FORMATS`.
-        more: additional entries of the JSON description of a table.
+        more: additional entries of the JSON file that describes the table.
 
     Raises:
         RecordingError: the recording lacks a stream that a format needs.
@@ -248,10 +248,10 @@ def write_recording(
 
 
 def trajectory_of(recording: Recording, stream: str | None) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the trajectory of the stream "reference", or of the position fixes with the identity as rotation.
+    """Return the trajectory of the reference, or the trajectory of the position fixes with the identity as rotation.
 
     The trajectory consists of times, positions (n, 3) in ENU, and quaternions (n, 4) from body to ENU with the scalar
-    last. If ``stream`` is None, the reference is used if it has positions.
+    last. If ``stream`` is "reference", or is None and the reference has positions, the reference is returned.
 
     Raises:
         RecordingError: the selected stream has no positions.
@@ -282,7 +282,7 @@ def write_tum(recording: Recording, path: Path, stream: str | None = None) -> No
 
 
 def write_kml(recording: Recording, path: Path, stream: str | None = None) -> None:
-    """Write the trajectory as one line with heights above the ellipsoid.
+    """Write the trajectory to a KML file as one line with heights above the ellipsoid.
 
     Raises:
         RecordingError: the recording has no origin on the Earth.
@@ -298,7 +298,7 @@ def write_kml(recording: Recording, path: Path, stream: str | None = None) -> No
 
 
 def write_gpx(recording: Recording, path: Path, stream: str | None = None) -> None:
-    """Write the trajectory as a track of GPX 1.1 with heights above the ellipsoid.
+    """Write the trajectory to a GPX 1.1 file as one track with heights above the ellipsoid.
 
     Raises:
         RecordingError: the recording has no origin on the Earth, or no date.

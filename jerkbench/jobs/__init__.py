@@ -1,8 +1,8 @@
-"""Jobs: combinations of a scenario and a method with all their seeds, from plugin names to stored rows.
+"""Jobs: creation, execution and storage. A job is a combination of a scenario and a method, with all its seeds.
 
-The module `job` defines a job, `names` creates jobs from plugin names, and `key` hashes everything that the rows of a
-job depend on. The module `plan` divides jobs into tasks. The module `run` sends the tasks to the workers of
-`executors`, and `rows` computes the rows of a task from the shared `inputs`. The module `store` writes and reads the
-rows, and `manifest` describes the commands of a study. The module `study` combines the stored rows with the manifest,
-and `replay` runs a stored row again.
+The module `job` defines a job, `names` creates jobs from plugin names, and `key` computes a hash of everything on which
+the result rows of a job depend. The module `plan` divides the jobs of a sweep into tasks. The module `run` sends the
+tasks to the worker processes of `executors`. The module `rows` computes the rows of a task, and `inputs` caches the
+recordings that several runs use. The module `store` writes and reads the rows, and `manifest` describes the commands of
+a study. The module `study` combines the stored rows with the manifest, and `replay` runs a stored row again.
 """

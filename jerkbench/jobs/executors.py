@@ -1,4 +1,4 @@
-"""Executors of a sweep: processes of this machine, a Dask cluster, or jobs of a queueing system."""
+"""Executors that run the tasks of a sweep: processes of this machine, a Dask cluster, or jobs of a queueing system."""
 
 import logging
 import multiprocessing
@@ -22,16 +22,17 @@ from jerkbench.notices import shared_notices
 
 
 class ClusterError(JerkbenchError):
-    """Raised if a cluster cannot continue. The runs that have finished are stored."""
+    """Raised if a cluster cannot continue. The results of the finished runs are stored."""
 
 
 class Pool(NamedTuple):
-    """An open executor.
+    """An executor that accepts calls, and functions that return its state.
 
     Attributes:
         executor: The executor to which calls are submitted.
         slots: Function that returns the maximum number of calls that may be submitted at the same time.
-        trouble: Function that returns the reason why the executor cannot return any more results, or an empty string.
+        trouble: Function that returns an empty string while the executor works, and otherwise the reason why it cannot
+            continue.
     """
 
     executor: Executor
@@ -40,23 +41,26 @@ class Pool(NamedTuple):
 
 
 class Workers(ExitStack):
-    """The worker processes of a command. The workers start with the first task and stop at the end of the command.
+    """The worker processes of one command, which start with its first task and stop when the command ends.
 
     Attributes:
         count: Number of worker processes.
     """
 
     def __init__(self, cluster: "Cluster | None" = None, count: int = 1) -> None:
-        """Set the cluster and the number of worker processes. For one local worker, no process is started."""
+        """Set the cluster and the number of worker processes.
+
+        With one local worker, the current process runs all tasks.
+        """
         super().__init__()
         self._cluster, self.count = cluster or LOCAL, count
         self._pool: Pool | None = None
 
     def pool(self, tasks: int) -> Pool | None:
-        """Return the pool for a number of tasks, or None if the current process runs the tasks.
+        """Return the pool that runs ``tasks`` tasks, or None if the current process runs the tasks.
 
         Raises:
-            ClusterError: The cluster cannot be opened.
+            ClusterError: The cluster cannot be started, or does not answer.
         """
         if self._pool is None and (self._cluster != LOCAL or min(self.count, tasks) > 1):
             self.enter_context(shared_notices())
@@ -77,7 +81,7 @@ class Local:
     def open(self, workers: int) -> Iterator[Pool]:
         """Yield a pool of up to ``workers`` processes. Each process is started when it is first needed."""
         with LocalExecutor(workers) as executor:
-            yield Pool(executor, lambda: workers + 1)  # one more call than workers, so that no worker has to wait
+            yield Pool(executor, lambda: workers + 1)  # the extra call prevents idle workers
 
 
 LOCAL = Local()
@@ -91,10 +95,10 @@ _SPAWN = multiprocessing.get_context("spawn")
 
 
 class LocalExecutor(Executor):
-    """An executor with a process pool, which is replaced by a new pool after one of its processes has died.
+    """An executor with a process pool. If a process of the pool dies, a new pool replaces the pool.
 
-    Worker processes end as soon as the pipe to the parent process is closed. The pipe is closed by `shutdown`, or by
-    the operating system if the parent process dies.
+    Worker processes end as soon as the pipe to the parent process is closed. The function `shutdown` closes the pipe.
+    If the parent process dies, the operating system closes the pipe.
     """
 
     def __init__(self, workers: int) -> None:
@@ -120,10 +124,10 @@ class LocalExecutor(Executor):
                 self._children |= {*multiprocessing.active_children()} - before
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
-        """Terminate the worker processes without waiting for running calls.
+        """Terminate the worker processes, also if calls are running.
 
-        This method does not wait for the process pool, because the pool waits forever if a process is terminated while
-        the process writes a result.
+        This method does not wait until the process pool has stopped. If a worker process is terminated while it writes
+        a result, the process pool never stops.
         """
         self._writer.close()
         self._pool.shutdown(wait=False, cancel_futures=cancel_futures)
@@ -137,7 +141,7 @@ class LocalExecutor(Executor):
 
 @contextmanager
 def _without_script() -> Iterator[None]:
-    """Replace the module ``__main__`` temporarily, because a spawned process would otherwise run the user's script."""
+    """Hide the module ``__main__`` temporarily, because each spawned process would import and run the user's script."""
     script = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
     try:
@@ -162,7 +166,7 @@ ANSWER_S = 30.0
 
 @dataclass(frozen=True)
 class Dask:
-    """A Dask cluster.
+    """A Dask cluster that runs the tasks of a sweep.
 
     Attributes:
         address: Address of a running Dask scheduler, for example "tcp://HOST:8786". If the address is empty, a
@@ -178,7 +182,7 @@ class Dask:
         with _quiet():
             cluster = self.address or distributed.LocalCluster(
                 n_workers=workers,
-                threads_per_worker=1,  # a run holds the interpreter lock, so threads would not run in parallel
+                threads_per_worker=1,  # threads would not run in parallel, because a run holds the interpreter lock
                 memory_limit=0,
                 dashboard_address=":0",  # Dask prints a warning if its default port is in use
                 scheduler_kwargs={"dashboard": False},
@@ -190,9 +194,9 @@ class Dask:
 
 
 def dask_setup(worker: object) -> None:
-    """Make a worker ignore Ctrl-C, because the parent process handles it.
+    """Make a worker process ignore Ctrl-C, because the parent process handles Ctrl-C.
 
-    Dask calls this function in each local worker.
+    Dask calls this function at the start of each local worker process.
     """
     del worker
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -204,7 +208,7 @@ class JobQueue:
 
     Attributes:
         system: Name of the queueing system: slurm, pbs or lsf.
-        jobs: Number of jobs. A job that ends early is submitted again.
+        jobs: Number of jobs in the queue. A job that ends before the sweep is submitted again.
         processes: Number of worker processes of each job. Each worker process uses one core.
         memory: Memory of each job, for example "8GB".
         walltime: Time limit of each job in the format of the queueing system, for example "01:00:00".
@@ -233,11 +237,11 @@ class JobQueue:
 
     @contextmanager
     def open(self, workers: int) -> Iterator[Pool]:
-        """Submit the jobs to the queueing system. The first tasks are sent when the first job runs."""
-        del workers  # `jobs` and `processes` determine the number of workers
+        """Submit the jobs to the queueing system. Tasks are sent as soon as the first job has started."""
+        del workers  # the number of workers is `jobs` times `processes`
         distributed = required("distributed", self.system)
         with _quiet(), _connected(distributed, cluster := self._cluster()) as pool:
-            cluster.adapt(minimum_jobs=self.jobs, maximum_jobs=self.jobs)  # jobs that end early are submitted again
+            cluster.adapt(minimum_jobs=self.jobs, maximum_jobs=self.jobs)  # a job that ends early is submitted again
             yield pool
 
     def _cluster(self) -> Any:  # noqa: ANN401 - dask-jobqueue has no types
@@ -271,9 +275,9 @@ Cluster: TypeAlias = Local | Dask | JobQueue
 
 @contextmanager
 def _connected(distributed: Any, cluster: Any) -> Iterator[Pool]:  # noqa: ANN401 - Dask has no types
-    """Connect to a Dask scheduler, and yield its pool.
+    """Connect to a Dask scheduler, and yield a pool that sends calls to this scheduler.
 
-    If ``cluster`` is not an address, the cluster is closed at the end.
+    If ``cluster`` is a cluster object and not an address, the cluster is closed at the end.
     """
     with ExitStack() as stack:
         name = cluster if isinstance(cluster, str) else "of this process"
@@ -284,7 +288,7 @@ def _connected(distributed: Any, cluster: Any) -> Iterator[Pool]:  # noqa: ANN40
         except (OSError, TimeoutError, ValueError) as error:
             raise ClusterError(f"The Dask scheduler {cluster} does not answer: {error}.") from error
         stack.callback(client.close, timeout=5)
-        executor = client.get_executor(pure=False)  # Dask must not merge calls with equal arguments
+        executor = client.get_executor(pure=False)  # by default, Dask merges equal calls
         unreachable = (
             f"The Dask scheduler {name} is gone. Finished runs are stored; the same command continues the sweep."
         )
@@ -301,7 +305,7 @@ def _connected(distributed: Any, cluster: Any) -> Iterator[Pool]:  # noqa: ANN40
 
 
 def required(module: str, cluster: str) -> ModuleType:
-    """Import and return a module that is installed by the extra ``dask``.
+    """Import and return a module that the optional dependencies "dask" install.
 
     Raises:
         ClusterError: The module is not installed.
@@ -316,7 +320,7 @@ def required(module: str, cluster: str) -> ModuleType:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Disable logging, because Dask logs a traceback for each connection that is closed."""
+    """Disable logging temporarily, because Dask logs a traceback for each closed connection."""
     logging.disable()
     try:
         yield

@@ -1,4 +1,4 @@
-"""The inputs that the runs of a sweep share: recordings, attitudes, timelines and prepared references."""
+"""Caches of the inputs that several runs of a sweep use: recordings, attitudes, timelines and prepared references."""
 
 import hashlib
 import os
@@ -24,7 +24,7 @@ from jerkbench.r_scale import with_r_scale
 from jerkbench.recording import Recording
 from jerkbench.timeline import build_timeline
 
-# Simulated recordings are stored in the cache folder of the user, so that other sweeps can use them.
+# Simulated recordings are stored in the cache folder of the user, so that later sweeps do not simulate them again.
 
 SIMULATED = "simulated"
 """The kind of cache folder that contains simulated recordings."""
@@ -35,7 +35,7 @@ MAX_DRIVE_BYTES = 2_000_000_000
 
 
 def simulated(dataset: Dataset, seed: int) -> Recording:
-    """Return the recording of a seed from the cache, or simulate it and store it in the cache."""
+    """Return the recording of a seed from the disk cache. A missing recording is simulated and stored in the cache."""
     path = cache_folder(SIMULATED) / f"simulated_{_key(dataset, seed)}.recording"
     stored = _read(path)
     if stored is not None:
@@ -49,13 +49,13 @@ def simulated(dataset: Dataset, seed: int) -> Recording:
 
 
 def _key(dataset: Dataset, seed: int) -> str:
-    """Return a hash of everything that determines a recording: the data set, the code, the libraries and the seed."""
+    """Return a hash of all inputs of a simulation: the data set, the code, the library versions and the seed."""
     parts = [repr(dataset), type(dataset).__qualname__, code_digest(), plugin_digest(type(dataset)), versions(), seed]
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
 
 def _read(path: Path) -> Recording | None:
-    """Read a recording from a cache file. Return None if the file is missing, incomplete or from another user."""
+    """Read a recording from a cache file. Return None if the cache file is missing, incomplete or from another user."""
     try:
         content = read_trusted(path)
     except Distrusted as reason:
@@ -64,7 +64,7 @@ def _read(path: Path) -> Recording | None:
     if content is None:
         return None
     with suppress(OSError):
-        os.utime(path)  # the least recently used files are deleted first
+        os.utime(path)  # `forget_oldest` deletes the least recently used files first
     recording: Recording = pickle.loads(content)  # noqa: S301 - only this user can have written it
     return recording
 
@@ -79,8 +79,8 @@ MAX_CACHED_INPUTS = 32
 class Inputs:
     """Caches of recordings, attitudes, timelines and prepared references, up to `MAX_CACHED_INPUTS` of each kind.
 
-    The caches do not refer to the `Inputs` object, so that their memory (about 100 MB) is freed as soon as the object
-    is no longer referenced.
+    The caches contain no reference to the `Inputs` object. Therefore, Python frees the memory of the caches (about 100
+    MB) as soon as the program no longer uses the `Inputs` object.
     """
 
     def __init__(self) -> None:
@@ -94,7 +94,10 @@ class Inputs:
         self._columns = lru_cache(8 * MAX_CACHED_INPUTS)(_columns)
 
     def recording(self, scenario: Scenario, draw: int) -> Recording:
-        """Return the recording of a seed after all disturbances. The hash of the data is part of the cache key."""
+        """Return the disturbed recording of a seed.
+
+        The cache key contains the hash of the data, so changed data are reloaded.
+        """
         return self._disturbed(scenario.dataset, scenario.disturbances, scenario.data, draw)
 
     def undisturbed(self, dataset: Dataset, draw: int) -> Recording:
@@ -102,9 +105,9 @@ class Inputs:
         return self._loaded(dataset, dataset.fingerprint(), draw)
 
     def columns(self, metric: Metric, estimate: Estimate, recording: Recording, counted: BoolArray) -> MetricValues:
-        """Return the values of a metric.
+        """Return the value of each column of a metric for one run.
 
-        If the metric reads only the attitude, runs with equal attitudes share the values.
+        If the metric reads only the attitude, its values are cached for other runs with the same attitude.
         """
         if part_read(metric) != "attitude":
             return metric.evaluate(estimate, recording, counted)
@@ -114,7 +117,7 @@ class Inputs:
 
 @cache
 def shared_inputs() -> Inputs:
-    """Return the input caches that all jobs of this process share by default."""
+    """Return the input caches that all jobs in this process use."""
     return Inputs()
 
 
@@ -130,31 +133,34 @@ def disturbed(
         recording = disturbance.apply(recording, draw)
     require_data(
         dataset, disturbances, fingerprint
-    )  # the hash is checked after loading, so that it is valid for the data that were read
+    )  # checking the hash after loading detects changes of the data while they were read
     return recording
 
 
 def loaded(dataset: Dataset, fingerprint: str, seed: int) -> Recording:
-    """Load the recording of a seed, and check that the data of the recording have the given fingerprint.
+    """Load the recording of a seed, and check that the data have not changed since ``fingerprint`` was computed.
 
     Recordings that a built-in data set simulates are cached on disk (`simulated`).
     """
-    in_tree = type(dataset).__module__.startswith("jerkbench.")  # other packages may use inputs that are not hashed
+    in_tree = type(dataset).__module__.startswith("jerkbench.")  # other data sets may read unhashed inputs
     if in_tree and dataset.seeded and not fingerprint:
         return simulated(dataset, seed)
     recording = dataset.load(seed)
-    require_data(dataset, (), fingerprint)  # the hash is checked after loading, as in `disturbed`
+    require_data(dataset, (), fingerprint)  # detects changes of the data while they were read
     return recording
 
 
 def attitude_of(recording: Recording, attitude: AttitudeFilter) -> Attitude:
-    """Estimate the attitude of a recording. If the recording has no IMU, the attitude is undefined (`no_attitude`)."""
+    """Estimate the attitude of a recording. Without an IMU, return the undefined attitude of `no_attitude`."""
     return no_attitude(recording.clock_s) if recording.imu is None else attitude.estimate(recording)
 
 
 @dataclass(frozen=True)
 class _Outline:
-    """An attitude with a mask of the scored rows. Two objects of this class are equal if their content is equal."""
+    """An estimate that contains only the attitude, and a mask of the rows that metrics score.
+
+    Objects with equal content are equal.
+    """
 
     content: bytes
     estimate: Estimate = field(compare=False)
@@ -162,7 +168,7 @@ class _Outline:
 
     @classmethod
     def of(cls, same: Same) -> "_Outline":
-        """Create an object from arrays of row indices, Euler angles and scored rows, and hash the arrays."""
+        """Create an object from three arrays (row indices, Euler angles and scored rows), and hash these arrays."""
         index, euler_rad, counted = same.objects
         content = hashlib.blake2b(b"".join(np.ascontiguousarray(array).tobytes() for array in same.objects))
         return cls(content.digest(), outlined(index, euler_rad), counted)

@@ -1,4 +1,4 @@
-"""A job: a combination of a scenario and a method, with its metrics, its protocol and its seeds."""
+"""A job: one combination of a scenario and a method, with the metrics, the parameters of the scoring and the seeds."""
 
 import dataclasses
 import json
@@ -36,11 +36,13 @@ WITHOUT_SEEDS = ("one_recording",)
 def metric_names(wanted: Sequence[str], *, seeded: bool = True) -> tuple[str, ...]:
     """Return the names of the metrics to compute.
 
-    Only metrics of this package are default metrics, because installing a plugin must not change the keys of jobs.
+    A metric of another package is never a default metric, because installing a plugin must not change the keys of jobs.
 
     Args:
-        wanted: Names of metrics, "default" or "all". If ``wanted`` is empty, the default metrics are returned.
-        seeded: Whether the job has seeds. If ``seeded`` is False, the default metrics include `WITHOUT_SEEDS`.
+        wanted: Names of metrics. The name "default" selects the default metrics, and "all" selects all metrics. An
+            empty list selects the default metrics.
+        seeded: Whether the job has random parts and therefore seeds. For a job without seeds, the default metrics
+            include the metrics in `WITHOUT_SEEDS`.
 
     Raises:
         PluginError: ``wanted`` is not a list of names.
@@ -61,18 +63,18 @@ def _by_default(name: str) -> bool:
     return plugins.is_builtin(metric) and getattr(metric, "default", True)
 
 
-# The configuration group ``noise``: process noise parameters that replace the defaults of the filter.
+# The configuration group ``noise`` sets process noise parameters of the filter.
 
 
 @dataclasses.dataclass
 class Noise:
-    """Process noise parameters. A parameter that is not None replaces the parameter of the filter with the same name.
+    """Process noise parameters. Each value that is not None replaces the filter parameter of the same name.
 
     Attributes:
-        accel_mps2: sigma_a, standard deviation of the noise of one acceleration sample [m/s2].
-        jerk_mps3_per_sqrt_s: Random walk of the jerk [m/s3/sqrt(s)].
+        accel_mps2: Standard deviation sigma_a of the noise of one acceleration sample [m/s2].
+        jerk_mps3_per_sqrt_s: Noise density of the random walk of the jerk [m/s3/sqrt(s)].
         initial_jerk_mps3: Standard deviation of the jerk at the start [m/s3].
-        bias_mps2_per_sqrt_s: Random walk of the acceleration bias [m/s2/sqrt(s)].
+        bias_mps2_per_sqrt_s: Noise density of the random walk of the acceleration bias [m/s2/sqrt(s)].
         initial_bias_mps2: Standard deviation of the acceleration bias at the start [m/s2].
     """
 
@@ -84,27 +86,28 @@ class Noise:
 
 
 def replaced(cls: type, noise: Mapping[str, Any]) -> dict[str, float]:
-    """Return the values of ``noise`` that are not None and belong to a field of the filter class ``cls``."""
+    """Return the noise parameters that are not None and that are parameters of the filter class ``cls``."""
     common = {f.name for f in dataclasses.fields(cls)} & {f.name for f in dataclasses.fields(Noise)}
     return {name: value for name, value in noise.items() if value is not None and name in common}
 
 
 MAX_RUNS = 100_000
-"""Maximum number of runs of a job. Its rows are in memory until they are stored."""
+"""Maximum number of runs of a job. The rows of a job are in memory until they are stored."""
 LAST_SEED = 2**63
 """Upper limit of the seeds, not included. Rows store seeds as signed 64-bit integers."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Protocol:
-    """The protocol of a job: its seeds and the parameters of the scoring.
+    """The seeds of a job, and the parameters that define how its runs are scored.
 
     Attributes:
-        seeds: Number of seeds of a job with random parts.
-        first_seed: The first seed of a job with random parts.
-        burn_in_s: Time after the start before which errors are not counted [s].
-        divergence_limit_m: Position error above which a run counts as diverged [m]. An infinite limit means that no run
-            counts as diverged. The rule and the default limit are defined in `jerkbench.evaluation.evaluated_run`.
+        seeds: Number of runs of a job with random parts. Each run has a different seed.
+        first_seed: The seed of the first run. The seeds of a job are consecutive.
+        burn_in_s: Duration at the start of a run whose errors are not counted [s].
+        divergence_limit_m: Position error above which a run counts as diverged [m]. With an infinite limit, no run
+            counts as diverged. The module `jerkbench.evaluation.evaluated_run` defines the default limit and decides
+            which runs diverged.
     """
 
     seeds: int = 5
@@ -128,12 +131,12 @@ class Protocol:
 
     @property
     def limits(self) -> dict[str, float]:
-        """The parameters of the scoring (all values except the seeds), which are part of the key of a job."""
+        """The parameters of the scoring, without the seeds. The key of a job includes these parameters."""
         return {name: value for name, value in vars(self).items() if name not in ("seeds", "first_seed")}
 
 
 def is_random(model: object) -> bool:
-    """Return whether the runs of a filter on equal recordings may differ by seed (see `PerSeed`)."""
+    """Return whether a filter may give different results for different seeds on the same recording (see `PerSeed`)."""
     return bool(getattr(model, "random", False))
 
 
@@ -145,10 +148,10 @@ class Scenario:
     """The inputs of a method: a data set, disturbances and an attitude filter.
 
     Attributes:
-        dataset: The source of the recordings.
-        disturbances: The disturbances in the order of their application.
+        dataset: The data set, which loads or simulates the recordings.
+        disturbances: The disturbances, in the order in which they change the recording.
         attitude: The attitude filter.
-        plain: The configuration as plain data: {kind: {"name": ..., parameters}}, with a list for disturbances.
+        plain: The configuration as {kind: {"name": ..., parameters}}. The value of the kind "disturbance" is a list.
     """
 
     dataset: Dataset
@@ -158,7 +161,7 @@ class Scenario:
 
     @cached_property
     def data(self) -> str:
-        """The fingerprint of the data, which is computed on first access."""
+        """The fingerprint of the data set and of the files that disturbances read, computed on first access."""
         return data_fingerprint(self.dataset, self.disturbances)
 
     @property
@@ -167,11 +170,12 @@ class Scenario:
         return self.dataset.seeded or any(d.seeded for d in self.disturbances)
 
     def draws(self, protocol: Protocol, *, random: bool = False) -> range:
-        """Return the seeds to run. If nothing is random, return the phases of the decimation.
+        """Return the seeds to run. Without random parts, return the phases (starts) of the decimation of the recording.
 
         Args:
-            protocol: The protocol with the seeds.
-            random: Whether the filter is random, for example one file of estimates for each seed.
+            protocol: The number of seeds and the first seed.
+            random: Whether the results of the filter depend on the seed, for example because it reads one file for each
+                seed.
         """
         phases = max((d.replicates() for d in self.disturbances), default=1)
         if self.seeded or (random and phases == 1):
@@ -184,11 +188,11 @@ class Method:
     """A navigation filter with its adaptation, its engine and the scale of R.
 
     Attributes:
-        filter: Kinematic filter or estimator.
-        adaptation: Rule that adapts R.
-        engine: Engine of a kinematic filter.
-        r_scale: Factors on the reported R.
-        plain: The configuration as plain data: {name of an attribute: {"name": ..., parameters}}.
+        filter: Kinematic filter, or an estimator that does not need an engine.
+        adaptation: Adaptation, which changes R (or also P, Q or the gain) at each update.
+        engine: Engine, which runs kinematic filters.
+        r_scale: Factors by which the reported R is multiplied.
+        plain: The configuration as {attribute: {"name": ..., parameters}}.
     """
 
     filter: Filter | Estimator
@@ -203,12 +207,13 @@ class Job:
     """A combination of a scenario and a method that is ready to run.
 
     Attributes:
-        labels: Labels of the parts of the combination in tables.
+        labels: Names of the data set, the filter and the other parts of the combination in tables.
         scenario: The data set, the disturbances and the attitude filter.
         method: The filter, the adaptation, the engine and the scale of R.
         metrics: The metrics by name.
-        protocol: The parameters of the scoring. The seeds in the protocol are replaced by ``draws``.
-        draws: The seeds or phases to run, in order.
+        protocol: The parameters of the scoring. The job runs the seeds in ``draws`` and ignores the seeds in
+            ``protocol``.
+        draws: The seeds to run in order, or the phases of the decimation for a job without random parts.
     """
 
     labels: Labels
@@ -230,25 +235,25 @@ class Job:
 
     @cached_property
     def key(self) -> str:
-        """Hash of everything that determines the rows of the job, except the seeds."""
+        """Hash of the configuration, the code and the data that determine the results of the job, without the seeds."""
         model = self.method.filter
         data = [self.scenario.data, model.fingerprint() if has_methods(model, ReadingFile) else ""]
         identity = {"labels": self.labels, "spec": self.spec, "protocol": self.protocol.limits, "data": data}
         return key_of(identity, (type(plugin) for _, _, plugin in self.parts()))
 
     def part(self, kind: str) -> Any:  # noqa: ANN401 - the kind decides the contract
-        """Return the plugin of a kind that a job has exactly once, such as the filter."""
+        """Return the plugin of a kind of which each job has exactly one, such as the filter."""
         return getattr(self.scenario if kind in self.scenario.plain else self.method, kind)
 
     def at(self, values: Mapping[str, Config]) -> "Job":
         """Return a copy of the job in which some parameters have other values.
 
         Args:
-            values: For each kind (filter, adaptation, r_scale or attitude), the new values by the name of the
-                parameter.
+            values: The new parameter values as {kind: {parameter: value}}. The kind is filter, adaptation, r_scale or
+                attitude.
 
         Raises:
-            PluginError: The plugin rejects the values.
+            PluginError: A plugin rejects a new value.
         """
         owners: dict[str, Any] = {"scenario": self.scenario, "method": self.method}
         for kind, changes in values.items():
@@ -270,17 +275,17 @@ class Job:
 
 
 def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Job:
-    """Create a job from plain data.
+    """Create a job from a configuration of plain data (dictionaries, lists, texts and numbers).
 
     Args:
         spec: The configuration. The keys dataset, attitude, filter, adaptation and engine have the value {"name": ...,
-            parameters}. The key disturbance has a list of such mappings. The keys noise (parameters of the filter),
-            r_scale (factors on the reported R) and metrics (names, or "all") are optional.
+            parameters}. The key disturbance has a list of mappings {"name": ..., parameters}. Optional keys are noise
+            (parameters of the filter), r_scale (factors on the reported R) and metrics (names, or "all").
         protocol: The seeds and the parameters of the scoring.
-        labels: The labels in tables (by default, labels that are created from the names of the plugins).
+        labels: The labels in tables. By default, the labels are the names of the plugins.
 
     Raises:
-        PluginError: A plugin or parameter is unknown, or the parts are not compatible.
+        PluginError: A plugin or parameter is unknown, or the plugins are not compatible.
     """
     noise = replaced(plugins.get("filter", spec["filter"]["name"]), spec.get("noise", {}))
     plugin, plain = {}, {}
@@ -301,14 +306,14 @@ def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Job
 
 
 def _part(kind: str, config: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
-    """Return the plugin for a configuration, and its name and parameters as plain data.
+    """Return the plugin that a configuration describes, and its name and parameters as plain data.
 
-    Plugins are cached, because they are immutable and many jobs share them.
+    The plugin is cached, because plugins are immutable and many jobs use the same plugin.
     """
     cls = plugins.get(kind, str(config.get("name")))
     try:
         text = json.dumps(config)
-    except TypeError:  # parameters from Python code may not be serialisable
+    except TypeError:  # parameters from Python code cannot always be converted to JSON, the cache key
         return _new_part(kind, config)
     return _made(kind, cls, text)
 
@@ -326,9 +331,9 @@ def _metrics(names: Sequence[str], classes: Sequence[type]) -> Mapping[str, Metr
 
 
 def _new_part(kind: str, config: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
-    """Create a plugin.
+    """Create a plugin, and return it with its name and parameters.
 
-    If a plugin of another package lacks a required method, raise an exception before the first run.
+    A plugin of another package that lacks a required method is rejected here, before the first run.
     """
     plugin = plugins.create(kind, config)
     if not plugins.is_builtin(type(plugin)) and (message := missing_member(kind, plugin)):

@@ -1,4 +1,4 @@
-"""The key of a job: a hash of the configuration, the code and the data that determine its rows, without the seeds."""
+"""The key of a job: a hash of the configuration, the code and the data. The seeds are not part of the key."""
 
 import hashlib
 import json
@@ -26,12 +26,12 @@ COMPUTING = (
     *("jobs/inputs", "jobs/job", "jobs/rows", "report/labels"),
     *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "correlated_errors")),
 )
-"""Packages and modules that the rows depend on. Their code is part of every key."""
+"""Packages and modules that the rows depend on. The code of these modules is part of every key."""
 
 
 @cache
 def code_digest(*further: str) -> str:
-    """Return a hash of the source files that rows depend on, of the shipped traces, and of ``further`` packages."""
+    """Return a hash of the source files in `COMPUTING` and ``further``, and of the receiver traces of this package."""
     digest = hashlib.sha256()
     for path in sorted([*PACKAGE_FOLDER.rglob("*.py"), *PACKAGE_FOLDER.glob("simulation/shipped/*.parquet")]):
         inside = path.relative_to(PACKAGE_FOLDER)
@@ -52,7 +52,7 @@ ARITHMETIC = ("amx", "avx", "fma", "neon", "sse", "sve")
 
 @cache
 def processor_kind() -> str:
-    """Return the name of the processor model and its arithmetic instruction sets."""
+    """Return text with the processor model and its arithmetic instruction sets, which affect rounding errors."""
     from llvmlite import binding
 
     features = binding.get_host_cpu_features()
@@ -66,7 +66,7 @@ OF_CODE = ("--", ":/", ":(top,exclude)results")
 
 @cache
 def git_commit() -> str:
-    """Return the commit of the checkout, with "+changes" if there are local changes, or "" outside a checkout."""
+    """Return the git commit of this package, followed by "+changes" if files were changed, or "" outside a checkout."""
 
     def git(*options: str) -> str:
         command = ["git", "-C", str(PACKAGE_FOLDER), *options]
@@ -82,11 +82,12 @@ def git_commit() -> str:
 
 
 IDENTITY_DIGITS = 16
-"""Number of digits of a key that depend on the configuration and the data. The other digits depend on the code."""
+"""Number of digits of a key that depend on the configuration and the data. The other digits of a key depend on the
+code."""
 
 
 def key_of(identity: Mapping[str, Any], classes: Iterable[type]) -> str:
-    """Return the hash of ``identity``, followed by the hash of the code of jerkbench, the libraries and the plugins."""
+    """Return the hash of ``identity``, followed by a hash of the code of jerkbench, its libraries and the plugins."""
     code = [code_digest(), *versions().values(), *map(plugin_digest, classes)]
     return _hash(json.dumps(identity, sort_keys=True))[:IDENTITY_DIGITS] + _hash("\n".join(code))[:8]
 
@@ -102,10 +103,10 @@ def data_fingerprint(dataset: Dataset, disturbances: Sequence[Disturbance]) -> s
 
 
 def require_data(dataset: Dataset, disturbances: Sequence[Disturbance], fingerprint: str) -> None:
-    """Raise an exception if the data have changed since their fingerprint was computed.
+    """Check that the data of a data set and its disturbances still have the given fingerprint.
 
     Raises:
-        RecordingError: The data have changed.
+        RecordingError: The data have changed since the fingerprint was computed.
     """
     current = data_fingerprint(dataset, disturbances)
     if current != fingerprint:
@@ -114,8 +115,8 @@ def require_data(dataset: Dataset, disturbances: Sequence[Disturbance], fingerpr
         raise RecordingError(f"{data} have changed: {hashes}. Run `jerkbench run` again to use the new data.")
 
 
-# `plugin_digest` hashes the files and the version of the package of a plugin, and the entries of `depends_on`.
-# `code_digest` hashes the plugins of this package.
+# `plugin_digest` hashes the version and the files of the package of a plugin, and the files in its `depends_on`.
+# The plugins of jerkbench are already hashed by `code_digest`.
 
 KNOWN_MODULES = {"jerkbench", "numpy", "scipy", "numba", "pandas", "filterpy", "pymap3d", "hydra", "omegaconf"}
 """Packages that `plugin_digest` does not hash, because `key_of` already includes their version or code."""
@@ -128,9 +129,8 @@ MAX_HASHED_BYTES = 64_000_000
 def plugin_digest(cls: type) -> str:
     """Return a hash of the code of a plugin of another package and of its base classes.
 
-    The hash of a plugin of this package is an empty string, unless the plugin has `depends_on`. The hash of a class
-    without a file, from an interactive session, is different in each process, because changes of the class cannot be
-    detected.
+    For a plugin of jerkbench without `depends_on`, the result is an empty string. If the class was defined in an
+    interactive session, the hash differs in each process, because changes of the class cannot be detected.
     """
     known = KNOWN_MODULES | sys.stdlib_module_names
     bases = [base for base in cls.__mro__ if base.__module__.partition(".")[0] not in known]
@@ -149,10 +149,10 @@ def _this_process() -> str:
 
 
 def _module_lines(module: str) -> Iterator[str]:
-    """Yield text lines that identify the code of a module: the version of its distribution, and a hash of each file.
+    """Yield text lines with the version of the distribution of a module, and with the hash of each of its files.
 
     Raises:
-        LookupError: The module has no file.
+        LookupError: The module has no source file.
     """
     top = module.partition(".")[0]
     yield from (f"{name} {version(name)}" for name in sorted(set(_distributions().get(top, ()))))
@@ -170,9 +170,9 @@ _distributions = cache(packages_distributions)
 
 
 def _named(cls: type) -> Iterator[str]:
-    """Yield text lines that identify the content of each entry of `depends_on` of a class.
+    """Yield a text line with the name and the content (hash or value) of each entry of `depends_on` of a class.
 
-    An entry is a file or folder relative to the folder of the module, or an environment variable ($NAME).
+    An entry of `depends_on` is a path relative to the folder of the module, or an environment variable ($NAME).
     """
     names = vars(cls).get("depends_on", ())
     if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):

@@ -1,4 +1,4 @@
-"""The manifest of a study: its jobs, and the command, code and machine that ran them."""
+"""The manifest of a study: a file with the jobs, the command, the code version and the machine of the study."""
 
 import json
 import os
@@ -25,15 +25,17 @@ ShownSeeds = Mapping[str, Stretches]
 def write_manifest(
     folder: Path, seeds: JobSeeds, notes: Sequence[str], command: Sequence[str], level: float | None = None
 ) -> None:
-    """Add the jobs of a command to the manifest of a study. Other processes may write to the same manifest.
+    """Add the jobs of a command to the manifest of a study.
+
+    Several processes may call this function for the same study.
 
     Args:
         folder: The folder of the study.
-        seeds: By key, the seeds of each job that tables show after this command. An incomplete job has an empty list of
-            seeds.
-        notes: The notes of the configuration.
-        command: The command line.
-        level: Significance level of the last interim analysis, or None if seeds were not added in blocks.
+        seeds: The seeds of each job that tables show after this command, by the key of the job. For an incomplete job,
+            the list of seeds is empty.
+        notes: The notes that the configuration contains under the key ``notes``.
+        command: The arguments of the command line.
+        level: Significance level of the last interim analysis, or None if the number of seeds was fixed in advance.
     """
     from filelock import FileLock
 
@@ -56,7 +58,7 @@ def write_manifest(
 
 
 def stretches(seeds: Sequence[int]) -> list[list[int]]:
-    """Return the first seed and the number of seeds of each consecutive block: [[0, 3], [7, 1]] for [0, 1, 2, 7]."""
+    """Return [first seed, number of seeds] for each block of consecutive seeds: [[0, 3], [7, 1]] for [0, 1, 2, 7]."""
     found: list[list[int]] = []
     for seed in sorted(seeds):
         if found and seed == sum(found[-1]):
@@ -69,32 +71,32 @@ def stretches(seeds: Sequence[int]) -> list[list[int]]:
 def _joined(before: Stretches, added: list[list[int]]) -> list[list[int]]:
     """Merge the lists of seed blocks ``before`` and ``added``.
 
-    An added block replaces all old blocks that it overlaps.
+    A block of ``added`` replaces all blocks of ``before`` that it overlaps.
     """
     retained = [[*old] for old in before if not any(old[0] < sum(new) and new[0] < sum(old) for new in added)]
     return sorted([*retained, *added])
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Read the manifest of a study. The result is empty if the file does not exist or is damaged."""
+    """Return the manifest of a study. A missing or damaged manifest is returned as an empty dictionary."""
     path = folder / MANIFEST
     try:
         if not path.exists():
             return {}
-        if path.is_file():  # the path may be a pipe, and reading a pipe would never end
+        if path.is_file():  # reading a pipe would never end
             manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
             if _is_valid(manifest):
                 return manifest
     except FileNotFoundError:
         return {}
-    except (ValueError, AttributeError, TypeError, RecursionError):  # the file is not text, not JSON, or not a manifest
+    except (ValueError, AttributeError, TypeError, RecursionError):  # the file is damaged
         pass
     print(f"{path} is damaged and ignored; `jerkbench run` writes the file again.", file=sys.stderr)
     return {}
 
 
 def _is_valid(manifest: Mapping[str, Any]) -> bool:
-    """Return whether the entries of a manifest have the types that other functions require."""
+    """Return whether the entries of a manifest have the required types."""
 
     def all_of(values: object, *kinds: type) -> bool:
         return all(isinstance(value, kinds) for value in values)  # type: ignore[attr-defined]  # may raise TypeError

@@ -1,4 +1,7 @@
-"""Creation of jobs from names and mappings in Python code. Hydra creates jobs for the command line in a similar way."""
+"""Creation of jobs from names and mappings in Python code.
+
+For the command line, Hydra creates the jobs instead of this module.
+"""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -26,9 +29,9 @@ class SelectedPlugin:
 
     Attributes:
         name: The name of the plugin or preset.
-        overrides: The given parameters as overrides of the command line, for example "filter.accel_mps2=0.2".
-        plain: The name and the parameters of the plugin as plain data. For disturbances, ``plain`` is a mapping from
-            names to plain data.
+        overrides: The given parameters in the syntax of the command line, for example "filter.accel_mps2=0.2".
+        plain: The name and all parameters of the plugin as a dictionary of plain data. For a preset of disturbances,
+            ``plain`` maps the name of each disturbance to its plain data.
     """
 
     name: str
@@ -44,19 +47,21 @@ def job_of_parts(
     metrics: Sequence[str] = (),
     r_scale: Mapping[str, float] | None = None,
 ) -> Job:
-    """Create the job from its parts. The labels of the job are the same as on the command line.
+    """Create a job from plugins or their names. The labels of the job are the same as for a run from the command line.
 
     Args:
-        single: The plugin of each group that has one plugin. None selects the default plugin, or the attitude filter
-            that the data set prefers.
-        disturbances: The disturbances in order. An empty list selects the disturbance `none`.
-        noise: A preset of the process noise, fields of `Noise`, or both. None selects the process noise of the filter.
+        single: The plugin of each kind of which a job has one. A plugin that is None is replaced by the default plugin.
+            For the attitude filter, None selects the filter that the data set prefers.
+        disturbances: The disturbances in the order of application. An empty list selects the disturbance `none`.
+        noise: The name of a noise preset, or a mapping with fields of `Noise` and optionally a preset ("name"). If
+            ``noise`` is None, the filter has its default process noise.
         protocol: The seeds and the parameters of the scoring.
         metrics: Names of the metrics. An empty list selects the default metrics.
-        r_scale: Factors on the reported R of the streams "position" and "velocity". None means that R is not scaled.
+        r_scale: Factors on the reported R, by the name of the measurement: "position" or "velocity". If ``r_scale`` is
+            None, R is not scaled.
 
     Raises:
-        PluginError: A plugin or parameter is unknown, or the parts are not compatible.
+        PluginError: A plugin or parameter is unknown, or the plugins are not compatible.
     """
     parts = {kind: _or_default(kind, part) for kind, part in single.items() if kind != "attitude"}
     choice = {kind: choose(kind, part) for kind, part in parts.items()}
@@ -75,10 +80,10 @@ def job_of_parts(
 
 
 def choose(kind: str, part: Part) -> SelectedPlugin:
-    """Find a plugin or preset by name, and replace its parameters by the given parameters.
+    """Find a plugin or preset by name, and set the parameters that ``part`` contains.
 
     Raises:
-        PluginError: The part has no name, or the name is unknown.
+        PluginError: ``part`` contains no name, or the name is unknown.
     """
     name, parameters = _split(kind, part)
     name = new_name(kind, name)
@@ -106,9 +111,9 @@ def _preset(kind: str, name: str, parameters: dict[str, Any]) -> SelectedPlugin:
 
 
 def plugin_of(kind: str, part: Part | None) -> Any:  # noqa: ANN401 - the kind decides the contract
-    """Return the plugin for ``part``, or the default plugin if ``part`` is None.
+    """Return the plugin that ``part`` describes, or the default plugin if ``part`` is None.
 
-    The class of a plugin object need not be registered.
+    If ``part`` is a plugin object, it is returned, even if its class is not registered.
 
     Raises:
         PluginError: The plugin or a parameter is unknown.
@@ -117,15 +122,15 @@ def plugin_of(kind: str, part: Part | None) -> Any:  # noqa: ANN401 - the kind d
 
 
 def is_plugin(part: object) -> bool:
-    """Return whether ``part`` is a plugin object and not a name or a mapping."""
+    """Return True if ``part`` is a plugin object, and False if it is a name or a mapping."""
     return is_dataclass(part) and not isinstance(part, type)
 
 
 def noise_of(part: Part | None) -> SelectedPlugin:
-    """Return the process noise that replaces the defaults of the filter. The group `noise` contains only presets.
+    """Return the process noise parameters that replace the defaults of the filter.
 
     Raises:
-        PluginError: The preset or a parameter is unknown.
+        PluginError: The noise preset or a parameter of the noise is unknown.
     """
     default = default_names()["noise"]
     name, parameters = _split("noise", part if isinstance(part, str) else {"name": default, **(part or {})})
@@ -142,9 +147,9 @@ def _or_default(kind: str, part: Part | None) -> Part:
 
 
 def _split(kind: str, part: Part) -> tuple[str, dict[str, Any]]:
-    """Return the name and the parameters of a part.
+    """Return the name and the parameters of a plugin name, a mapping or a plugin object.
 
-    For a plugin object, parameters with default values are left out.
+    For a plugin object, only parameters that differ from the default are returned.
     """
     if isinstance(part, str):
         return part, {}
@@ -162,20 +167,21 @@ def _split(kind: str, part: Part) -> tuple[str, dict[str, Any]]:
 
 
 def as_overrides(owner: str, parameters: Mapping[str, Any]) -> list[str]:
-    """Convert parameters to overrides of the command line."""
+    """Convert parameters to the syntax of the command line, such as "filter.accel_mps2=0.2"."""
     dumps = partial(json.dumps, separators=(",", ":"), default=str)
     return [f"{owner}.{key}={value if isinstance(value, str) else dumps(value)}" for key, value in parameters.items()]
 
 
-# Some combinations cannot run, because the filter does not support the data set or the adaptation.
+# A combination cannot run if its filter does not support the data set or the adaptation.
 
 
 def refusal(job: Job, adaptations: str = "") -> str:
-    """Return the reason why the filter does not support the data set or the adaptation, or an empty string.
+    """Return the reason why a combination cannot run, or an empty string if it can run.
 
     Args:
         job: The combination.
-        adaptations: The names of adaptations that the message reports as unsupported (by default, that of the job).
+        adaptations: Text with the unsupported adaptations for the message. By default, the message names the adaptation
+            of the job.
     """
     dataset, model = job.scenario.dataset, job.method.filter
     if is_attitude_only(dataset) and not is_attitude_only(model):

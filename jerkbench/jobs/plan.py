@@ -1,4 +1,4 @@
-"""The plan of a sweep: its jobs and tasks, ordered so that consecutive tasks share their inputs."""
+"""The plan of a sweep: its jobs and tasks, ordered such that consecutive tasks use the same recordings."""
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -15,18 +15,18 @@ from jerkbench.jobs.rows import Task, shared_call, streams
 MIN_CHUNKS = 4
 """Minimum number of chunks for each worker, so that all workers finish at about the same time."""
 _ADAPTATIONS = "{adaptations}"
-"""The place of the names of the unsupported adaptations in a reason why combinations are left out."""
+"""Placeholder in a message for the names of the unsupported adaptations."""
 MAX_TASKS = 64
 """Maximum number of tasks in a chunk, and of jobs in a task."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """The plan of a sweep.
+    """The jobs of a sweep, and messages about the combinations that cannot run.
 
     Attributes:
         jobs: All jobs of the sweep in order.
-        refused: Messages about the combinations that are left out.
+        refused: Messages about the combinations that are left out because they cannot run.
     """
 
     jobs: tuple[Job, ...]
@@ -39,13 +39,13 @@ class Plan:
 
 
 def planned(jobs: Iterable[Job]) -> Plan:
-    """Create the plan of a sweep: leave out combinations that cannot run, and merge the seeds of equal jobs.
+    """Return the plan of a sweep.
 
-    A combination cannot run if its filter does not support the data set or the adaptation, or if the recording cannot
-    be used.
+    Combinations that cannot run are left out, and equal jobs become one job with all their seeds. A combination cannot
+    run if its filter does not support the data set or the adaptation, or if the recording cannot be used.
 
     Raises:
-        RecordingError: No recording can be used.
+        RecordingError: No combination can run, and at least one recording cannot be used.
         PluginError: Two different jobs have the same labels.
     """
     left_out: dict[str, list[str]] = {}
@@ -73,40 +73,43 @@ def planned(jobs: Iterable[Job]) -> Plan:
 
 
 def _left_out(reason: str, adaptations: Sequence[str]) -> str:
-    """Return the message about combinations that are left out for one reason. The message lists their adaptations."""
+    """Return the message about the combinations that are left out for one reason.
+
+    The message lists the adaptations of these combinations.
+    """
     names = ", ".join(dict.fromkeys(adaptations))
     count = len(adaptations)
     return f"Left out {count} combination{'s' * (count > 1)}: {reason.replace(_ADAPTATIONS, names)}."
 
 
 def sharing_scenarios(jobs: Iterable[Job]) -> list[Job]:
-    """Return jobs that share one object for equal scenarios, so that the data of a scenario are hashed once."""
+    """Return the jobs, with one object for all equal scenarios, so that the data of a scenario are hashed only once."""
     first: dict[object, Scenario] = {}
     scenarios = ((job, job.scenario) for job in jobs)
     return [replace(job, scenario=first.setdefault((s.dataset, s.disturbances, s.attitude), s)) for job, s in scenarios]
 
 
 def joined_jobs(jobs: Iterable[Job]) -> tuple[Job, ...]:
-    """Return each job once, with the seeds of all jobs that have the same key."""
+    """Return one job for each key. The job has the seeds of all ``jobs`` with this key."""
     first: dict[str, Job] = {}
     draws: dict[str, set[int]] = {}
     for job in jobs:
         first.setdefault(job.key, job)
         draws.setdefault(job.key, set()).update(job.draws)
     ordered = {key: in_order(seeds) for key, seeds in draws.items()}
-    return tuple(  # if the seeds are equal, the job is not replaced, because a copy would lose the cached key
+    return tuple(  # a copy would lose the cached key, so a job with the same seeds is not copied
         job if job.draws == ordered[key] else replace(job, draws=ordered[key]) for key, job in first.items()
     )
 
 
 def in_order(draws: Collection[int]) -> Sequence[int]:
-    """Return the sorted seeds, as a range if they are consecutive."""
+    """Return the sorted seeds: a range if the seeds are consecutive, otherwise a list."""
     first, last = min(draws), max(draws)
     return range(first, last + 1) if last - first + 1 == len(draws) else sorted(draws)
 
 
 def missing(job: Job, known: Iterable[int]) -> Sequence[int]:
-    """Return the seeds of a job that are not in ``known``."""
+    """Return the seeds of a job that are not in ``known``, the seeds of the stored runs."""
     done = set(known)
     return [draw for draw in job.draws if draw not in done] if done else job.draws
 
@@ -124,14 +127,14 @@ def _require_names(jobs: Sequence[Job]) -> None:
 
 
 def chunks_of(jobs: Sequence[Job], wanted: Mapping[str, set[int]], workers: int) -> list[list[Task]]:
-    """Divide the jobs of a plan into chunks of tasks that share their inputs, so that a worker loads each input once.
+    """Divide jobs into chunks of tasks. The tasks of a chunk use the same recordings, which the worker loads once.
 
-    Scenarios of the same data set are consecutive. The chunks of a scenario are also consecutive, so that an
-    interrupted sweep has complete combinations.
+    The chunks are sorted by data set and scenario. Therefore, most combinations of an interrupted sweep are either
+    complete or not started.
 
     Args:
         jobs: The jobs of the plan.
-        wanted: The seeds to run, by the key of the job.
+        wanted: The seeds that are not stored yet, by the key of the job.
         workers: The number of worker processes.
     """
     data: dict[object, dict[object, list[Job]]] = {}
@@ -154,8 +157,9 @@ def chunks_of(jobs: Sequence[Job], wanted: Mapping[str, set[int]], workers: int)
 def _seeds_of_chunk(recordings: int, jobs: int, workers: int) -> int:
     """Return the number of seeds in a chunk, which is at most the number of recordings that a process caches.
 
-    If there are too few chunks, the number of seeds per chunk is reduced, to a multiple of the vector width. If there
-    are fewer jobs than workers, the number of seeds may also be smaller than the vector width.
+    If there would be too few chunks for all workers, the number of seeds per chunk is reduced to a multiple of the
+    vector width (the number of runs that a processor computes at once). If there are fewer jobs than workers, the
+    number of seeds per chunk may be less than the vector width.
     """
     if workers == 1:
         return MAX_CACHED_INPUTS
@@ -164,9 +168,9 @@ def _seeds_of_chunk(recordings: int, jobs: int, workers: int) -> int:
 
 
 def _tasks_of(jobs: Sequence[Job], block: Sequence[int], wanted: Mapping[str, set[int]], maximum: int) -> list[Task]:
-    """Return the tasks of a scenario for a block of seeds.
+    """Return the tasks that run the jobs of one scenario for a block of seeds.
 
-    A task has up to ``maximum`` jobs that can run in one batch.
+    Each task contains up to ``maximum`` jobs, which can run in one batch.
     """
     calls: dict[tuple[object, tuple[int, ...]], list[Job]] = {}
     tasks = []

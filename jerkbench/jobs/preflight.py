@@ -1,4 +1,4 @@
-"""Messages about a job: warnings before it runs, error messages, and notes below its table."""
+"""Messages about a job: warnings before the run, error messages, and notes below the table."""
 
 import os
 import traceback
@@ -19,15 +19,15 @@ from jerkbench.recording import Recording
 
 
 def require_inputs(job: Job, checked: set[tuple[object, object]]) -> None:
-    """Check whether the recording of the first seed has the inputs that both filters require.
+    """Check that the recording of the first seed has the inputs that the attitude and the navigation filter require.
 
     Args:
-        job: The combination. The recording of the first seed is loaded only if the attitude filter or the navigation
-            filter has requirements.
-        checked: Pairs of a data set and a filter that are already checked. The function adds the new pairs to this set.
+        job: The job, whose recording is loaded only if one of the two filters has requirements.
+        checked: Pairs of a data set and a filter that are already checked. The function adds the pairs of ``job`` to
+            this set.
 
     Raises:
-        JerkbenchError: The recording lacks an input, or the recording does not exist.
+        JerkbenchError: The recording does not exist, or lacks an input that a filter requires.
     """
     for part in (job.scenario.attitude, job.method.filter):
         if has_methods(part, Requiring) and (job.scenario.dataset, part) not in checked:
@@ -41,11 +41,11 @@ def require_inputs(job: Job, checked: set[tuple[object, object]]) -> None:
 
 
 TRACEBACK = "JERKBENCH_TRACEBACK"
-"""Environment variable for authors of plugins. If it is set, a single run raises the original exception of a plugin."""
+"""Environment variable for authors of plugins. If set, a single run raises the original exception of a plugin."""
 
 
 def reason_of(error: Exception) -> str:
-    """Return the text of an exception, with the function and the line that raised it."""
+    """Return the text of an exception, with the name of the function and the number of the line that raised it."""
     if isinstance(error, np.linalg.LinAlgError):
         check = "check the covariances of the measurements (`jerkbench data inspect`) and the parameters of the method"
         return f"a matrix is singular, or not positive definite, to working precision ({error}); {check}"
@@ -74,8 +74,8 @@ def plugin_errors(job: Job) -> Iterator[None]:
 def _culprit(job: Job, error: Exception) -> str:
     """Return the kind and name of the plugin whose method raised the exception.
 
-    If the traceback contains no method of a plugin, return the filter and the adaptation. The engine is never returned,
-    because the engine calls the other plugins.
+    If the traceback contains no method of a plugin, the result names the filter and the adaptation. The result never
+    names the engine, because the engine calls the other plugins.
     """
     named = [(f"{kind} {name}", plugin) for kind, name, plugin in job.parts() if kind != "engine"]
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
@@ -105,16 +105,19 @@ def _complaints(job: Job) -> Iterator[tuple[str, str]]:
 
 
 def first_complaints(jobs: Iterable[Job]) -> list[str]:
-    """Return a warning for each plugin of ``jobs`` that violates its contract. All runs with such a plugin fail."""
+    """Return a warning for each plugin of ``jobs`` that violates its contract.
+
+    All runs that use a plugin with a warning will fail.
+    """
     complaints = dict(complaint for job in jobs for complaint in _complaints(job))
     return [f"Every run with the {title} will fail: {message}" for title, message in complaints.items()]
 
 
 def first_notes(jobs: Sequence[Job]) -> list[str]:
-    """Return warnings about the recordings of a sweep: obvious mistakes in the data, and notes of the attitude filters.
+    """Return warnings about obvious mistakes in the recordings of a sweep, and the notes of the attitude filters.
 
-    The command `data inspect` finds more mistakes. Simulated recordings are not checked. The notes about simulated
-    recordings are printed below the table.
+    The command `data inspect` finds more mistakes. Simulated recordings are not checked, and notes about simulated
+    recordings are printed below the table instead.
     """
     inputs, recorded = shared_inputs(), [job for job in jobs if not job.scenario.dataset.seeded]
     drives = {job.scenario.dataset: job for job in recorded}
@@ -133,7 +136,7 @@ def first_notes(jobs: Sequence[Job]) -> list[str]:
     return [*mistakes, *dict.fromkeys(remarks)]
 
 
-# Notes below the table come from the reference, the recording, the attitude filter and the filter.
+# The notes below a table describe the reference and the recording, and include the notes of both filters.
 
 
 def notes_of(job: Job, recording: Recording) -> list[str]:

@@ -1,4 +1,4 @@
-"""Progress of a sweep, with the estimated remaining time."""
+"""Display of the progress of a sweep and of the estimated remaining time."""
 
 import sys
 import threading
@@ -29,10 +29,10 @@ def pulse(
     """Print a line at intervals while the body of ``with`` runs, to show that the program is working.
 
     Args:
-        line: Function that returns the line to print for the elapsed time [s].
+        line: Function that receives the elapsed time [s] and returns the line to print.
         write: Function that prints a line (by default, on standard error).
-        first_s: Time at which the first line is printed [s].
-        every_s: Interval between further lines [s].
+        first_s: Time from the start until the first line is printed [s].
+        every_s: Interval between all later lines [s].
     """
     show = write or partial(print, file=sys.stderr, flush=True)
     ended, began = threading.Event(), monotonic()
@@ -53,7 +53,7 @@ def pulse(
 
 
 def duration(seconds: float) -> str:
-    """Format a duration with a suitable unit: 40 s, 3 min, 2.5 h."""
+    """Return a duration as text in seconds, minutes or hours: "40 s", "3 min" or "2.5 h"."""
     if seconds < 99.5:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 99.5 * 60 else f"{seconds / 3600:.1f} h"
@@ -62,7 +62,7 @@ def duration(seconds: float) -> str:
 class Progress:
     """A progress bar on standard error, with the number of runs that diverged or failed.
 
-    If standard error is not a terminal, a line is printed after 15 s and then once a minute instead.
+    If standard error is not a terminal, a line of text is printed after 15 s and then every minute, instead of the bar.
     """
 
     def __init__(self, count: int, doing: str = "Sweep", unit: str = "combinations") -> None:
@@ -78,31 +78,31 @@ class Progress:
             TimeRemainingColumn(),
             TextColumn("{task.fields[trouble]}"),
         )
-        # Each refresh of the bar takes time from the process that stores the rows.
+        # A higher refresh rate would slow down the process, which also stores the rows.
         self._bar = Bar(*columns, console=Console(file=styled(sys.stderr)), refresh_per_second=2)
         self._stack = ExitStack()
         self._count = self._left = count
         self._task = self._bar.add_task(doing, total=self._left, trouble="")
 
     def advance(self, statuses: Sequence[str] = (), count: int = 1) -> None:
-        """Advance the progress bar by ``count`` units, and count the statuses of their runs."""
+        """Advance the bar by ``count`` units (such as combinations), and count the statuses of the finished runs."""
         self._counts.update(statuses)
         trouble = ", ".join(f"{self._counts[s]} runs {s}" for s in ("diverged", "failed") if self._counts[s])
         self._bar.update(self._task, advance=count, trouble=trouble)
 
     def skip(self, count: int) -> None:
-        """Reduce the total by ``count`` units that are already complete, and print the number of complete units."""
+        """Subtract ``count`` units that are already complete from the total, and print a message with this number."""
         if count and self._left:
             self._left -= count
             self._bar.update(self._task, total=self._left)
             self._bar.console.print(f"{count} of {self._count} {self._things} are already complete.")
 
     def __enter__(self) -> Self:
-        """Start the display of the progress bar, unless all units are already complete."""
+        """Start the display of the progress bar. If all units are already complete, nothing is displayed."""
         if self._left:
             self._bar.start()  # without remaining units, the bar would print an empty line
             self._stack.callback(self._bar.stop)
-            self._stack.enter_context(plain_output())  # rich moves other output above the bar
+            self._stack.enter_context(plain_output())  # rich prints other output above the bar
             if not self._bar.console.is_terminal:
                 self._stack.enter_context(pulse(self._line, self._write))
         return self

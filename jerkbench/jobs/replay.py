@@ -1,4 +1,4 @@
-"""Repetition of stored runs from their stored configuration, and measurement of the duration of a filter step."""
+"""Repetition of stored runs, and measurement of the computation time of a filter step."""
 
 import json
 import math
@@ -38,13 +38,13 @@ SHOWN_CHARS = 200
 
 @dataclass(frozen=True, eq=False)
 class StoredRow:
-    """A stored row, with the job that can compute the row again.
+    """A stored row of results, and the job from which the row can be computed again.
 
     Attributes:
         job: The job, created from the stored configuration.
         draw: The seed of the row (or the phase, if the job has no random parts).
-        row: The stored row.
-        metadata: The stored metadata of the job.
+        row: The stored row: labels, seed, status and metrics of the run.
+        metadata: The stored metadata of the job: configuration, protocol, notes and versions.
     """
 
     job: Job
@@ -77,21 +77,21 @@ class StoredRow:
 
     @property
     def code_changed(self) -> bool:
-        """True if this package or a library has changed since the row was stored."""
+        """True if jerkbench or a library that affects results has changed since the row was stored."""
         return bool(self.metadata["code"] != code_digest() or self.metadata["versions"] != versions())
 
 
 def stored_row(folder: Path, which: str, *, run_programs: bool = False) -> StoredRow:
-    """Find a row of a study.
+    """Return one row of a study.
 
     Args:
-        folder: The folder of the study, or a folder with the stored files.
-        which: The number of the row in rows.csv (from 1), or the first characters of the key of its job. The key may be
-            followed by ``:SEED``. Without ``:SEED``, the key selects the first seed of the job.
-        run_programs: Whether a program in the stored configuration may run.
+        folder: The folder of the study, or a folder that contains its Parquet files.
+        which: The number of the row in rows.csv (from 1), or ``KEY:SEED`` with the first characters of the key of the
+            job. Without ``:SEED``, the first seed of the job is selected.
+        run_programs: Whether the external program that a stored configuration names may run.
 
     Raises:
-        JerkbenchError: No row or several rows match, or the row needs a program that may not run.
+        JerkbenchError: ``which`` does not select exactly one row, or the row needs a program that may not run.
     """
     seed: int | None = None
     if which.isdecimal() and len(which) < 6:
@@ -113,10 +113,10 @@ def stored_row(folder: Path, which: str, *, run_programs: bool = False) -> Store
 
 
 def row_of(stored: Stored, seed: int | None = None, *, run_programs: bool = False) -> StoredRow:
-    """Return the row of a stored job for a seed. If ``seed`` is None, return the first row of the job.
+    """Return the row of a stored job for one seed. If ``seed`` is None, the first seed of the job is used.
 
     Raises:
-        JerkbenchError: The job does not have the seed, or needs a program that may not run.
+        JerkbenchError: The job has no run with this seed, or the job needs a program that may not run.
     """
     if not run_programs and (program := program_of(stored.metadata["spec"])):
         runs = f"The combination {plain(stored.key)} runs the program {program}"
@@ -150,7 +150,7 @@ def runnable(cells: Sequence[Stored], *, run_programs: bool) -> list[Stored]:
 
 
 def report_excluded_programs(study: Study, *, run_programs: bool) -> None:
-    """Print on standard error how many jobs of a study will not run again, because they run external programs."""
+    """Print the number of jobs that are not run again because they would run an external program."""
     count = 0 if run_programs else sum(bool(program_of(metadata["spec"])) for metadata in study.metadata.values())
     if count:
         cells = "1 combination runs a program and is" if count == 1 else f"{count} combinations run programs and are"
@@ -162,7 +162,7 @@ def _job_of(stored: Stored) -> Job:
     """Create the job from the stored configuration.
 
     Raises:
-        JerkbenchError: The configuration is invalid for this version of the plugins, or too large.
+        JerkbenchError: The stored configuration is too large, or is not valid for the installed plugins.
     """
     metadata = stored.metadata
     text, subject = json.dumps(metadata["spec"]), f"The stored configuration of the combination {stored.key}"
@@ -178,17 +178,17 @@ def _job_of(stored: Stored) -> Job:
 
 
 def replay_differences(stored: StoredRow) -> list[tuple[str, float, float]]:
-    """Run the row again, and return each metric with its stored and its new value.
+    """Repeat a stored run, and return (name, stored value, new value) for each metric.
 
     Raises:
-        JerkbenchError: The run cannot be repeated, or its status differs.
+        JerkbenchError: The run cannot be repeated, or its new status differs from the stored status.
     """
     replayed = stored.score()
     if replayed["status"] != stored.row["status"]:
         now = f"the status of the repeated run is {replayed['status']}: {replayed['reason']}"
         raise JerkbenchError(f"The stored status of the run is {stored.row['status']}, but {now}")
     skip = {*stored.job.labels._fields, *RUN_COLUMNS}
-    names = [name for name in stored.row if name not in skip]  # a metric that is not in the new row is NaN
+    names = [name for name in stored.row if name not in skip]  # the new value of a missing metric is NaN
     return [(name, float(stored.row[name]), float(replayed.get(name, math.nan))) for name in names]
 
 
@@ -215,14 +215,14 @@ COLUMN = "step_ns"
 
 
 def step_costs(study: Study, *, run_programs: bool = False) -> "pd.DataFrame":
-    """Return a table with the duration of a filter step of each method in the first scenario of a study [ns].
+    """Return a table with the computation time of a filter step [ns] for each method in the first scenario of a study.
 
-    For each method, the run of one successful seed is repeated without a batch and with a stored trajectory. A step is
-    an IMU sample, or a fix if the recording has no IMU. The duration does not include loading the recording, estimating
-    the attitude, and compilation. Methods that run an external program are left out unless ``run_programs`` is set.
+    For each method, one successful run is repeated alone (not in a batch), and its trajectory is stored. A step is an
+    IMU sample, or a fix if the recording has no IMU. The time excludes loading the recording, estimating the attitude,
+    and compilation. Methods that run an external program are left out unless ``run_programs`` is set.
 
     Raises:
-        JerkbenchError: No run of the scenario was successful, or its data no longer exist.
+        JerkbenchError: No run of the first scenario was successful, or the data of a run have changed.
     """
     rows = study.rows.assign(key=study.keys.to_numpy())
     scenario = (rows[[*SCENARIO_FACTORS]] == rows[[*SCENARIO_FACTORS]].iloc[0]).all(axis=1)
@@ -242,9 +242,9 @@ def step_costs(study: Study, *, run_programs: bool = False) -> "pd.DataFrame":
 
 
 def step_ns(stored: StoredRow) -> float:
-    """Return the duration of a filter step in the fastest of `REPEATS` timed runs [ns].
+    """Return the computation time of one filter step [ns]: the shortest of `REPEATS` timed runs.
 
-    An additional run, which is not timed, prepares the inputs.
+    Before the timed runs, a run that is not timed loads the inputs and compiles the filter.
 
     Raises:
         JerkbenchError: The data have changed, or a plugin raises an exception.

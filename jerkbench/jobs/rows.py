@@ -1,6 +1,6 @@
-"""Computation of the rows of a study.
+"""Computation of the result rows of a study.
 
-Runs of several seeds and jobs are computed in one batch if the plugins support batches.
+If the plugins support batches, one batch computes the runs of several seeds and jobs.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -44,7 +44,7 @@ from jerkbench.timeline import RecordedRun, Run, Timeline, build_timeline, scale
 
 Row = dict[str, Any]
 NotedRows = tuple[list[Row], list[str]]
-"""The rows of some seeds of a job, and the notes for its table."""
+"""The rows of some seeds of a job, and the notes below the table of the job."""
 
 
 class Task(NamedTuple):
@@ -59,12 +59,12 @@ class Task(NamedTuple):
     draws: Sequence[int]
 
     def parts(self) -> "list[Task]":
-        """Return a separate task for each job."""
+        """Return one task for each job of this task, with the same seeds."""
         return [Task((job,), self.draws) for job in self.jobs]
 
 
 def job_rows(job: Job, draws: Sequence[int] = (), *, strict: bool = False) -> NotedRows:
-    """Return a row for each seed of ``draws`` (by default, all seeds of the job), and the notes for the table.
+    """Return a row for each seed of ``draws`` (by default, all seeds of the job), and the notes below the table.
 
     Raises:
         JerkbenchError: An input or a plugin failed, and ``strict`` is set.
@@ -75,12 +75,12 @@ def job_rows(job: Job, draws: Sequence[int] = (), *, strict: bool = False) -> No
 
 
 def task_rows(task: Task, *, strict: bool = False, threads: int = 1) -> list[NotedRows]:
-    """Return the rows and notes of each job of a task.
+    """Return the rows of each job of a task, and the notes below the table of this job.
 
     Args:
         task: The task, which contains some seeds of one or several jobs.
         strict: Whether to raise errors of inputs and plugins instead of returning rows with the status "failed".
-        threads: Number of threads of the engine.
+        threads: Number of threads that the engine may use.
 
     Raises:
         JerkbenchError: An input or a plugin failed, and ``strict`` is set.
@@ -93,7 +93,10 @@ def task_rows(task: Task, *, strict: bool = False, threads: int = 1) -> list[Not
 
 
 def run_seed(job: Job, draw: int) -> tuple[Recording, Estimate]:
-    """Run one seed of a job, and return the recording and the estimate. Exceptions of plugins are not converted."""
+    """Run one seed of a job, and return the recording and the estimate.
+
+    Exceptions of plugins are not converted to `PluginError`.
+    """
     inputs, scenario, method = shared_inputs(), job.scenario, job.method
     recording = inputs.recording(scenario, draw)
     attitude = inputs.attitude(recording, scenario.attitude)
@@ -106,7 +109,7 @@ def run_seed(job: Job, draw: int) -> tuple[Recording, Estimate]:
 
 
 def single_run(job: Job, draw: int, *, strict: bool) -> NotedRows:
-    """Run one seed of a job without a batch, and return its row and notes."""
+    """Run one seed of a job separately (not in a batch), and return its row and the notes for the table."""
     protocol = job.protocol
     try:
         recording, estimate = run_seed(job, draw)
@@ -121,7 +124,7 @@ def single_run(job: Job, draw: int, *, strict: bool) -> NotedRows:
 
 
 def _covariance_notes(job: Job, values: Mapping[str, float], estimate: Estimate | None = None) -> list[str]:
-    """Return a note if the position error is finite but the ANEES is not, unless the filter estimates no covariance."""
+    """Return a note if the filter estimates a covariance and the position error is finite, but the ANEES is not."""
     anees = values.get("anees_position", 0.0)
     estimated = estimate is None or bool(np.isfinite(estimate.covariance[:, :3, :3]).any())
     if np.isfinite(anees) or not estimated or not np.isfinite(values.get("position_rmse_m", np.nan)):
@@ -131,7 +134,10 @@ def _covariance_notes(job: Job, values: Mapping[str, float], estimate: Estimate 
 
 
 def failed_piece(job: Job, draws: Sequence[int], error: Exception, *, strict: bool) -> NotedRows:
-    """Return rows with the status "failed" for an exception, or raise the exception if ``strict`` is set."""
+    """Return rows with the status "failed" and the text of an exception.
+
+    If ``strict`` is set, raise the exception instead.
+    """
     if strict:
         with plugin_errors(job):
             raise error
@@ -149,7 +155,7 @@ def _head(job: Job, draw: int, status: str, reason: str) -> Row:
 
 
 def joined_pieces(several: Iterable[NotedRows]) -> NotedRows:
-    """Join rows and notes of several seeds of a job. Equal notes are returned only once."""
+    """Join the rows and the notes of several runs of a job. Each distinct note is returned once."""
     rows, notes = zip(*several, strict=True)
     return [row for piece in rows for row in piece], list(dict.fromkeys(note for piece in notes for note in piece))
 
@@ -157,7 +163,10 @@ def joined_pieces(several: Iterable[NotedRows]) -> NotedRows:
 def solution(
     recording: Recording, attitude: Attitude, model: Filter | Estimator, adaptation: Adaptation, engine: Engine
 ) -> Estimate:
-    """Run a filter over a recording. If the engine is compiled, an estimator runs its compiled code, if it has any."""
+    """Run a filter on a recording.
+
+    If the engine is compiled, an estimator uses its compiled implementation if it has one.
+    """
     if not isinstance(model, Estimator):
         return engine.run(build_timeline(recording, attitude), model, adaptation)
     quick = None
@@ -166,13 +175,13 @@ def solution(
     return model.estimate(recording, attitude, adaptation) if quick is None else quick
 
 
-# Batches are runs without stored trajectories, whose metrics are computed from sums.
+# Runs in a batch store no trajectories. Their metrics are computed from sums that are accumulated during the run.
 
 
 def shared_call(job: Job) -> object:
-    """Return a value that is equal for all jobs of a scenario that can run in one batch.
+    """Return a key for grouping the jobs of a scenario: jobs with equal keys can run in one batch.
 
-    If a job cannot run in a batch, the job itself is returned.
+    For a job that cannot run in a batch, the key is the job itself.
     """
     if not streams(job) or unfit(job):
         return job
@@ -181,7 +190,7 @@ def shared_call(job: Job) -> object:
 
 
 def streams(job: Job) -> bool:
-    """Return whether the metrics of a job, and its engine or estimator, work without stored trajectories."""
+    """Return whether a job can run in a batch: all its plugins must work without stored trajectories."""
     able = has_methods(job.method.filter, Batched) or not isinstance(job.method.filter, Estimator)
     return able and has_methods(job.method.engine, SideBySide) and all(map(can_stream, job.metrics.values()))
 
@@ -192,7 +201,7 @@ def _together(jobs: Sequence[Job], draws: Sequence[int], *, strict: bool, thread
     except Exception as error:  # noqa: BLE001 - any exception of an engine becomes failed rows or an error message
         if len(jobs) == 1:
             return [failed_piece(jobs[0], draws, error, strict=strict)]
-        single = (_together([job], draws, strict=strict, threads=threads) for job in jobs)  # finds the failing job
+        single = (_together([job], draws, strict=strict, threads=threads) for job in jobs)  # to find the failing job
         return [piece for pieces in single for piece in pieces]
     return [
         joined_pieces(streamed.get((k, draw)) or single_run(job, draw, strict=strict) for draw in draws)
@@ -204,7 +213,7 @@ _Notes = dict[object, list[str]]
 
 
 class _ReadySeed(NamedTuple):
-    """The inputs of a run in a batch, before R is scaled."""
+    """The inputs of one run of a batch, with R as reported (before R is scaled)."""
 
     recording: Recording
     attitude: Attitude
@@ -213,7 +222,7 @@ class _ReadySeed(NamedTuple):
 
 
 def _finished(job: Job, draw: int, seed: _ReadySeed, result: Streamed, notes: _Notes) -> NotedRows:
-    """Return the row and notes of a finished run of a batch. Equal notes of several jobs are cached in ``notes``."""
+    """Return the row and notes of a finished run of a batch. ``notes`` caches the notes of equal inputs."""
     reason, values = why_diverged(result, seed.reference, seed.recording), _values(job, seed, result)
     key = draw, job if has_methods(job.method.filter, Remarking) else job.labels.dataset
     seed_notes = notes.get(key) or notes.setdefault(key, notes_of(job, seed.recording))
@@ -222,10 +231,10 @@ def _finished(job: Job, draw: int, seed: _ReadySeed, result: Streamed, notes: _N
 
 
 def _streamed(jobs: Sequence[Job], draws: Sequence[int], threads: int) -> dict[tuple[int, int], NotedRows]:
-    """Run the seeds ``draws`` of all ``jobs`` in one batch, and return the finished runs by index of the job and seed.
+    """Run the seeds ``draws`` of all ``jobs`` in one batch, and return the finished runs by (index of the job, seed).
 
-    Runs that were stopped or failed, and runs whose metrics need a trajectory, are not returned. The caller runs these
-    seeds again one by one. Exceptions of the engine are raised.
+    Runs that stopped early or failed, and runs whose metrics need a trajectory, are not returned. The caller runs the
+    missing seeds again one by one. Exceptions of the engine are not caught.
     """
     every = {draw: _ready(jobs[0], draw) for draw in draws}
     ready = {(k, draw): seed for k in range(len(jobs)) for draw, seed in every.items() if seed is not None}
@@ -241,7 +250,7 @@ def _streamed(jobs: Sequence[Job], draws: Sequence[int], threads: int) -> dict[t
 
 
 def _ready(job: Job, draw: int) -> _ReadySeed | None:
-    """Return the inputs of a run, or None if an input cannot be loaded or the seed cannot run in a batch."""
+    """Return the inputs of a run. Return None if an input cannot be loaded, or if the run cannot be part of a batch."""
     inputs = shared_inputs()
     try:
         recording = inputs.recording(job.scenario, draw)
@@ -255,7 +264,7 @@ def _ready(job: Job, draw: int) -> _ReadySeed | None:
 
 
 def _run_all(runs: Sequence[tuple[Job, _ReadySeed]], threads: int) -> Sequence[Streamed | None]:
-    """Run all runs in one call of the estimator or of the engine."""
+    """Compute all runs with one call of the estimator or of the engine."""
     first, metrics = runs[0][0].method, runs[0][0].metrics.values()
     reads = set(map(part_read, metrics))
     updates, attitude = "updates" in reads, "attitude" in reads
@@ -285,9 +294,9 @@ def _run_all(runs: Sequence[tuple[Job, _ReadySeed]], threads: int) -> Sequence[S
 
 
 def _values(job: Job, seed: _ReadySeed, result: Streamed) -> dict[str, float]:
-    """Return the value of each metric column of a run, computed from the sums of the run."""
+    """Return the values of the metric columns of a run, computed from sums that were accumulated during the run."""
     outline = seed.reference.outline
-    if result.euler_rad is not None:  # the filter has estimated the attitude
+    if result.euler_rad is not None:  # the filter estimates the attitude
         outline = outlined(outline.index, result.euler_rad)
     if len(result.updates.t_s):
         outline = replace(outline, updates=result.updates)

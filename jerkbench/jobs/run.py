@@ -1,7 +1,7 @@
-"""The main loop of a sweep, which computes the missing runs of a plan and stores their rows.
+"""The main loop of a sweep, which computes the runs that are not stored yet, and stores their rows.
 
 The current process or an executor computes the runs. Several processes may write to one study, because each process
-writes separate files. Duplicate rows count only once.
+writes separate files. If two processes store the same run, only one of its rows counts.
 """
 
 import gc
@@ -63,19 +63,19 @@ def run_missing(
     progress: Progress | None = None,
     threads: int = 1,
 ) -> None:
-    """Compute the runs of a plan that are not stored, and store them. Runs in damaged files are computed again.
+    """Compute and store the runs of a plan that are not stored yet. Runs in damaged files are computed again.
 
     Args:
         plan: The plan with the jobs of the sweep.
         store: The store of the results.
         workers: The processes that compute the runs (by default, only the current process).
-        strict: Whether to raise errors of inputs and plugins instead of storing failed rows.
-        progress: A progress bar that is advanced for every finished job (by default, a new bar).
+        strict: Whether to raise errors of inputs and plugins instead of storing rows with the status "failed".
+        progress: The progress bar, which is advanced for every finished job (by default, a new bar).
         threads: Number of threads that the engine may use in each process.
 
     Raises:
         JerkbenchError: The results cannot be written, or an input or a plugin failed and ``strict`` is set.
-        ClusterError: The cluster cannot continue. The runs that have finished are stored.
+        ClusterError: The cluster cannot continue. The results of the finished runs are stored.
     """
     store.prepare()
     known = store.known([job.key for job in plan.jobs])
@@ -99,9 +99,9 @@ def run_missing(
 
 
 def _run_tasks(tasks: Sequence[Task], *, limit_s: float, **options: Any) -> tuple[int, pa.Table]:  # noqa: ANN401 - of `work`
-    """Run at least one task, and further tasks until ``limit_s`` seconds have passed.
+    """Run the first task, and further tasks until ``limit_s`` seconds have passed.
 
-    Return the number of finished tasks, and their rows.
+    Return the number of finished tasks, and a table with the rows of these tasks.
     """
     started, finished, blocks = time.monotonic(), 0, list[RowBlock]()
     while finished == 0 or (finished < len(tasks) and time.monotonic() - started < limit_s):
@@ -120,16 +120,16 @@ def work(task: Task, made_by: Mapping[str, Any], *, strict: bool = False, thread
 
     Args:
         task: The task, which contains some seeds of one or several jobs.
-        made_by: Provenance of the rows, from `origin`.
-        strict: Whether to raise errors of inputs and plugins instead of returning failed rows.
-        threads: Number of threads of the engine.
+        made_by: Provenance of the rows (code, versions, commit), as returned by `origin`.
+        strict: Whether to raise errors of inputs and plugins instead of returning rows with the status "failed".
+        threads: Number of threads that the engine may use.
 
     Raises:
         JerkbenchError: An input or a plugin failed, and ``strict`` is set.
     """
     inputs, scenario = shared_inputs(), task.jobs[0].scenario
     started = time.perf_counter()
-    for draw in task.draws:  # the inputs are prepared first, because the measured time of a run covers only the filter
+    for draw in task.draws:  # load the inputs first, because the measured time must cover only the filter
         with suppress(Exception):  # the run raises the exception again, and its row gets the status "failed"
             inputs.attitude(inputs.recording(scenario, draw), scenario.attitude)
     prepared = time.perf_counter()
@@ -141,7 +141,10 @@ def work(task: Task, made_by: Mapping[str, Any], *, strict: bool = False, thread
 
 
 def blocks_of(task: Task, pieces: Iterable[NotedRows], made_by: Mapping[str, Any]) -> list[RowBlock]:
-    """Return the rows and the metadata of each job of a task. The metadata of every job include ``made_by``."""
+    """Return the rows and the metadata of each job of a task.
+
+    The provenance ``made_by`` is added to the metadata of every job.
+    """
     made_by = {**NO_COST, **made_by, "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())}
     blocks = []
     for job, (rows, notes) in zip(task.jobs, pieces, strict=True):
@@ -163,7 +166,7 @@ def origin() -> dict[str, Any]:
 class Writer:
     """A context manager that collects the rows of several tasks and writes them into one file.
 
-    The remaining rows are written when the context ends, also after an exception.
+    When the context ends, also by an exception, the remaining rows are written.
     """
 
     def __init__(self, store: Store) -> None:
@@ -177,7 +180,7 @@ class Writer:
         self.flush()
 
     def add(self, table: pa.Table) -> None:
-        """Add rows. If the interval since the last file has passed, or if many rows are in memory, write a file."""
+        """Add rows. If enough time has passed since the last file, or if too many rows are in memory, write a file."""
         self._held.append(table)
         now = time.monotonic()
         interval_s = min(max(0.1 * (now - self._started), MIN_FLUSH_S), MAX_FLUSH_S)
@@ -185,7 +188,7 @@ class Writer:
             self.flush()
 
     def flush(self) -> None:
-        """Write the rows in memory to a file."""
+        """Write the rows that are in memory to a new file."""
         if self._held:
             self._store.write(self._held)
         self._held, self._written = [], time.monotonic()
@@ -194,7 +197,8 @@ class Writer:
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
 Work = Callable[[Sequence[_Task]], tuple[int, _Result]]
-"""A function that runs the first tasks of a chunk. It returns the number of finished tasks, and their result."""
+"""A function that runs the first tasks of a chunk. The function returns the number of finished tasks, and their result.
+"""
 Splitter = Callable[[_Task], Sequence[_Task]]
 """A function that divides a task into its smallest parts."""
 
@@ -205,19 +209,20 @@ def outcomes(
     pool: Pool | None,
     parts: Splitter[_Task] = lambda task: [task],
 ) -> Iterator[tuple[list[_Task], _Result | Exception]]:
-    """Yield finished tasks with their result, or a single task with the exception that it raised.
+    """Yield either a list of finished tasks with their result, or a list of one failed task with its exception.
 
-    If a worker dies or raises an exception, the parts of its tasks are run again separately, to find the cause.
+    If a worker dies or raises an exception, each part of its tasks is run again separately, to find the part that
+    fails.
 
     Args:
         work: The function that runs the tasks of a chunk.
-        chunks: The chunks of tasks, in order.
-        pool: The executor that calls ``work``. If ``pool`` is None, the current process calls ``work`` and raises its
-            exceptions.
+        chunks: Lists of tasks. Each list (chunk) is sent to one worker.
+        pool: The executor that calls ``work``. If ``pool`` is None, the current process calls ``work``, and exceptions
+            of ``work`` are not caught.
         parts: Function that divides a task into its smallest parts.
 
     Raises:
-        ClusterError: A worker has different code, or the executor cannot return any more results.
+        ClusterError: A worker has another version of the code, or the executor cannot continue.
     """
     if pool is not None:
         yield from _Dispatch(work, chunks, pool, parts).outcomes()
@@ -232,7 +237,7 @@ def outcomes(
 
 @dataclass(eq=False)
 class _Chunk(Generic[_Task]):
-    """Tasks that are sent to a worker together, and the number of workers that died while they ran these tasks."""
+    """Tasks that are sent together to one worker, and the number of workers that died while running these tasks."""
 
     tasks: list[_Task]
     deaths: int = 0
@@ -246,7 +251,7 @@ class _Dispatch(Generic[_Task, _Result]):
     ) -> None:
         self.work, self.pool, self.parts = work, pool, parts
         self.waiting = deque(_Chunk(list(chunk)) for chunk in chunks)
-        self.suspects: deque[_Chunk[_Task]] = deque()  # a worker died with each suspect, so suspects run one at a time
+        self.suspects: deque[_Chunk[_Task]] = deque()  # chunks with which a worker died run one at a time
         self.running: dict[Future[tuple[int, Any]], _Chunk[_Task]] = {}
         self.deaths = 0.0  # number of workers that died before the first result
 
@@ -295,13 +300,13 @@ class _Dispatch(Generic[_Task, _Result]):
         except Exception as error:  # noqa: BLE001 - each executor has different exceptions for a dead worker
             yield from self._died(chunk, error)
             return
-        self.deaths = -math.inf  # a result was received, so workers are able to start
+        self.deaths = -math.inf  # a result shows that workers can start
         if isinstance(result, Exception):
             yield from self._raised(chunk, result)
             return
         yield chunk.tasks[:count], result
         rest = chunk.tasks[count:]
-        middle = 0 if self.waiting else len(rest) // 2  # the rest is split if no other chunk is waiting
+        middle = 0 if self.waiting else len(rest) // 2  # without waiting chunks, two workers share the rest
         self.waiting.extendleft(_Chunk(half) for half in (rest[middle:], rest[:middle]) if half)
 
     def _raised(self, chunk: _Chunk[_Task], error: Exception) -> Iterator[tuple[list[_Task], Exception]]:
@@ -330,10 +335,10 @@ def code_identity() -> tuple[str, tuple[tuple[str, str], ...]]:
 
 
 def run_chunk(content: bytes, folder: str, modules: tuple[str, ...], identity: object) -> tuple[int, Any]:
-    """Run a chunk of tasks in a worker. An exception of a task is returned as the result, so that the worker continues.
+    """Run a chunk of tasks in a worker. The worker returns an exception of a task instead of raising it, and continues.
 
     Raises:
-        ClusterError: The worker has different code than the process that sent the chunk.
+        ClusterError: The worker and the process that sent the chunk have different versions of the code.
     """
     if identity != code_identity():
         raise ClusterError(
@@ -347,7 +352,7 @@ def run_chunk(content: bytes, folder: str, modules: tuple[str, ...], identity: o
         return 0, error
     except Exception as error:  # noqa: BLE001 - an exception class of a plugin may not survive pickling
         return 0, ChildProcessError(f"{type(error).__name__}: {error}")
-    gc.collect(1)  # plugins may create reference cycles
+    gc.collect(1)  # frees reference cycles of plugins, because automatic collections are rare
     return result
 
 
@@ -355,9 +360,9 @@ def run_chunk(content: bytes, folder: str, modules: tuple[str, ...], identity: o
 def _prepare(folder: str, modules: tuple[str, ...]) -> None:
     """Prepare a worker: import the user's plugins, limit libraries to one thread, and change the working directory.
 
-    The working directory is the directory of the sender, because paths may be relative to that directory. The garbage
-    collector runs rarely, because frequent garbage collections took a tenth of the computing time. The function
-    `run_chunk` starts the garbage collector after each chunk.
+    The new working directory is the directory of the process that sent the chunk, because paths may be relative.
+    Automatic garbage collections are made rare, because they took a tenth of the computing time. The function
+    `run_chunk` starts the garbage collector after each chunk of tasks.
     """
     from threadpoolctl import threadpool_limits
 

@@ -1,7 +1,8 @@
-"""The store of a study: its rows in Parquet files, which are written atomically and read by the keys of jobs.
+"""The store of a study: Parquet files with the result rows, which are written atomically and found by job key.
 
 A row contains the labels, the seed, the status and the metrics of one run. Columns with the prefix ``cell.`` contain
-the metadata of a job as JSON. Every process writes separate files. Duplicate rows are dropped when files are read.
+the metadata of a job as JSON. Every process writes separate files. If several files contain the same run, only one row
+of this run is read.
 """
 
 import hashlib
@@ -40,7 +41,7 @@ from jerkbench.report.labels import Labels
 from jerkbench.report.study_notes import damaged_files
 
 PART_NAME = re.compile(r"part-[A-Za-z0-9_]+-[0-9a-f]{32}-([0-9a-f]{32})")
-"""Name of a file: host, a unique number, and the digest of the content, by which damage is detected."""
+"""Name of a file: the host, a unique number, and the hash of the content, with which damage is detected."""
 
 CELL = "cell."
 """Prefix of the columns with the metadata of a job."""
@@ -60,7 +61,7 @@ REQUIRED_COLUMNS = {
 """The columns that every file must have. A file that lacks one of them counts as damaged."""
 
 SEEN_COLUMNS = [KEY, "seed", "status"]
-"""The columns that are needed to find out which runs are stored."""
+"""The columns that identify the stored runs."""
 
 OUTCOMES = {"seed": "seed", "status": "status", "reason": "reason", f"{CELL}run_s": "run_s"}
 """Columns that `Store.rows` returns in addition to the metrics. Keys are the names in a file, values the new names."""
@@ -79,13 +80,13 @@ SMALL_ROWS = 10_000
 
 
 class RowBlock(NamedTuple):
-    """Runs of a job that are stored together.
+    """Some or all runs of a job, which are stored together.
 
     Attributes:
         key: Key of the job.
-        runs: Number of runs of the complete job.
+        runs: Number of runs of the complete job, which may be more than the rows in this block.
         rows: The rows of the runs in this block.
-        metadata: Labels, specification, protocol, data, notes and times of the job.
+        metadata: Labels, configuration, protocol, hash of the data, notes, and times of the job.
     """
 
     key: str
@@ -96,14 +97,14 @@ class RowBlock(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Stored:
-    """The stored runs of a job.
+    """The stored runs of one job, with the metadata of the job.
 
     Attributes:
         key: Key of the job.
-        metadata: Labels, specification, protocol, data, notes and times of the job.
-        table: The rows with all stored columns, ordered by seed.
+        metadata: Labels, configuration, protocol, hash of the data, notes, and times of the job.
+        table: The rows of the job with all stored columns, ordered by seed.
         columns: Names of the metrics.
-        others: Number of stored runs with seeds that tables do not show.
+        others: Number of further stored runs, whose seeds are not shown in tables.
     """
 
     key: str
@@ -114,15 +115,15 @@ class Stored:
 
     @cached_property
     def rows(self) -> pd.DataFrame:
-        """The runs as a data frame, one row for each seed."""
+        """The runs as a data frame, with one row for each seed."""
         return frame(self.table, (*HEAD_COLUMNS, *self.columns))
 
 
 def table_of(blocks: Sequence[RowBlock]) -> pa.Table:
-    """Return a table with the rows and the metadata of some blocks.
+    """Return a table with the rows and the metadata of all ``blocks``.
 
     Raises:
-        JerkbenchError: A metric is not a number, or its name is reserved.
+        JerkbenchError: A value of a metric is not a number, or the name of a metric is reserved.
     """
     rows = list(chain.from_iterable(block.rows for block in blocks))
     names = dict.fromkeys([*HEAD_COLUMNS, *chain.from_iterable(rows)])
@@ -145,7 +146,7 @@ def table_of(blocks: Sequence[RowBlock]) -> pa.Table:
 def _column(name: str, values: list[Any]) -> pa.Array:
     try:
         array = pa.array(values)
-    except (pa.ArrowInvalid, pa.ArrowTypeError):  # the values have different types
+    except (pa.ArrowInvalid, pa.ArrowTypeError):  # the values have several types
         try:
             array = pa.array([None if value is None else float(value) for value in values])
         except (TypeError, ValueError) as error:
@@ -154,7 +155,7 @@ def _column(name: str, values: list[Any]) -> pa.Array:
 
 
 def _facts(block: RowBlock) -> dict[str, str]:
-    """Return the metadata of a block as JSON texts, by the name of the column."""
+    """Return the metadata of a block as {name of the column: JSON text}."""
     metrics = [name for name in dict.fromkeys(chain.from_iterable(block.rows)) if name not in HEAD_COLUMNS]
     entries = {name: value for name, value in block.metadata.items() if name not in ("labels", "spec")}
     entries |= {f"spec.{part}": value for part, value in block.metadata.get("spec", {}).items()}
@@ -164,7 +165,7 @@ def _facts(block: RowBlock) -> dict[str, str]:
 
 
 def _is_part(schema: pa.Schema) -> bool:
-    """Return whether a table has all required columns and each metric is numeric."""
+    """Return whether a table has all required columns, and all its metrics are numeric."""
     types = pa.types
     metrics = [field.type for field in schema if field.name not in HEAD_COLUMNS and not field.name.startswith(CELL)]
     numeric = (types.is_floating, types.is_integer, types.is_boolean, types.is_null)
@@ -180,12 +181,12 @@ def content_of(table: pa.Table) -> bytes:
 
 
 def content_digest(content: bytes) -> str:
-    """Return the digest of the content of a file, which is part of the name of the file."""
+    """Return the hash of the content of a file. The name of the file contains this hash."""
     return hashlib.sha256(content).hexdigest()[:32]
 
 
 def part_name(content: bytes) -> str:
-    """Return a new, unique name for a file with this content."""
+    """Return a new, unique file name that contains the hash of ``content``."""
     host = re.sub("[^A-Za-z0-9_]", "_", socket.gethostname())[:40] or "_"
     return f"part-{host}-{uuid.uuid4().hex}-{content_digest(content)}"
 
@@ -195,12 +196,12 @@ Names = list[str]
 
 @lru_cache(maxsize=65_536)
 def parsed(text: str) -> Any:  # noqa: ANN401 - any JSON
-    """Return the value of a JSON text. The value is cached and shared, so it must not be modified."""
+    """Return the value of a JSON text. The caller must not modify the value, because it is cached for later calls."""
     return json.loads(text)
 
 
 def frame(table: pa.Table, names: Iterable[str]) -> pd.DataFrame:
-    """Return the given columns as a data frame. Columns that do not exist are left out."""
+    """Return the given columns as a data frame. Names of columns that do not exist are ignored."""
     selected = table.select([name for name in dict.fromkeys(names) if name in table.column_names]).combine_chunks()
     texts = {field.name: pa.string() for field in selected.schema if pa.types.is_dictionary(field.type)}
     rows: pd.DataFrame = _with_types(selected, texts).to_pandas(use_threads=False, ignore_metadata=True)
@@ -214,7 +215,7 @@ def _with_types(table: pa.Table, types: Mapping[str, pa.DataType]) -> pa.Table:
 def unique_rows(tables: Sequence[pa.Table]) -> pa.Table:
     """Join tables, remove duplicate runs, and sort the rows by job and seed.
 
-    Of several runs of a job with the same seed, the newest run that did not fail is retained.
+    If a job has several runs with the same seed, the newest run that did not fail remains.
     """
     table = concatenated(tables)
     runs = frame(table, [*SEEN_COLUMNS, "cell.created"])
@@ -237,9 +238,9 @@ def stored_jobs(tables: Sequence[pa.Table], shown: ShownSeeds) -> list[Stored]:
     """Return the stored runs of each job that is complete in the given tables.
 
     Args:
-        tables: The tables of the store, at least one.
-        shown: The blocks of seeds that each job must have, by key. A job that is not in ``shown`` is complete if all
-            its runs are stored.
+        tables: One or more tables with stored rows.
+        shown: The blocks of seeds that each job must have, by the key of the job. A job without an entry in ``shown``
+            is complete if all its runs are stored.
     """
     table = unique_rows(tables)
     keys, seeds, runs = (table[name].to_numpy() for name in (KEY, "seed", RUNS))
@@ -265,12 +266,12 @@ def stored_jobs(tables: Sequence[pa.Table], shown: ShownSeeds) -> list[Stored]:
 
 
 def _positions(keys: Any) -> dict[str, Any]:  # noqa: ANN401 - an array of texts
-    """Return the row numbers of each key."""
+    """Return the row numbers at which each key occurs."""
     return {str(key): places for key, places in pd.Series(keys).groupby(keys, sort=False).indices.items()}
 
 
 def _shown(seeds: IntArray, runs: IntArray, stretches: Stretches | None) -> BoolArray:
-    """Return a mask of the runs of a job that tables show. If a required run is missing, the mask selects no run."""
+    """Return a mask that selects the runs of a job for tables. If a required run is missing, no run is selected."""
     if stretches is None:
         return np.full(len(seeds), len(seeds) >= runs.min())
     mask = np.zeros(len(seeds), bool)
@@ -282,7 +283,7 @@ def _shown(seeds: IntArray, runs: IntArray, stretches: Stretches | None) -> Bool
 
 
 def _metadata(blocks: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Merge the metadata of the blocks of a job."""
+    """Merge the metadata of all stored blocks of one job."""
     first = blocks[0]
     metadata: dict[str, Any] = {"labels": {kind: new_label(kind, first[kind]) for kind in Labels._fields}, "spec": {}}
     for name, text in first.items():
@@ -299,10 +300,13 @@ def _metadata(blocks: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 class Store:
-    """The store with the rows of the jobs of a study."""
+    """The folder of a study that contains the result rows of its jobs."""
 
     def __init__(self, folder: Path) -> None:
-        """Open the store of the study in ``folder``, or of a folder with Parquet files. No file is written."""
+        """Open the store of a study.
+
+        ``folder`` is the folder of the study, or a folder that contains its Parquet files.
+        """
         below = folder / "cells"
         self.folder = folder if not below.is_dir() and any(folder.glob("*.parquet")) else below
 
@@ -310,7 +314,7 @@ class Store:
         """Create the folder, delete abandoned files, rename damaged files, and return the names of the damaged files.
 
         Raises:
-            JerkbenchError: The folder is not writable.
+            JerkbenchError: Files cannot be written to the folder.
         """
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -332,7 +336,10 @@ class Store:
         return damaged
 
     def known(self, keys: Collection[str], *, failed: bool = False) -> dict[str, set[int]]:
-        """Return the seeds of the stored runs by the key of the job. Failed runs are included if ``failed`` is set."""
+        """Return the seeds of the stored runs of each job, by its key.
+
+        Failed runs are included only if ``failed`` is set.
+        """
         known: dict[str, set[int]] = {}
         for table in self._tables(keys, SEEN_COLUMNS)[0]:
             for key, seed, status in zip(*(table[name].to_pylist() for name in SEEN_COLUMNS), strict=True):
@@ -344,7 +351,7 @@ class Store:
         """Return the complete jobs among ``keys``, in the order of ``keys``, and the names of damaged files.
 
         Args:
-            keys: The keys of the jobs (by default, all keys in the store, sorted).
+            keys: The keys of the jobs to read (by default, all keys in the store, sorted).
             shown: The blocks of seeds that each job must have (by default, the seeds in the manifest).
         """
         wanted = None if keys is None else dict.fromkeys(keys)
@@ -355,11 +362,13 @@ class Store:
         return [stored[key] for key in (sorted(stored) if wanted is None else wanted) if key in stored], damaged
 
     def rows(self, jobs: Sequence[Job], metrics: Sequence[str]) -> pd.DataFrame:
-        """Return the runs of some jobs, ordered by job and seed. A run that is not stored has no status.
+        """Return the runs of some jobs, ordered by job and seed.
+
+        The status of a run that is not stored is missing (NaN).
 
         Args:
-            jobs: The jobs, with the requested seeds.
-            metrics: The requested columns of metrics.
+            jobs: The jobs, each with its requested seeds.
+            metrics: Names of the requested metric columns.
 
         Returns:
             A table with the columns ``job_index`` (index of the job in ``jobs``), ``seed``, ``status``, ``reason``,
@@ -375,15 +384,16 @@ class Store:
         return requested.merge(stored, on=[KEY, "seed"], how="left").drop(columns=KEY)
 
     def keys_from(self, prefix: str) -> list[str]:
-        """Return the keys of complete and incomplete jobs and the names of damaged files that start with ``prefix``."""
+        """Return all keys of jobs and all names of damaged files that start with ``prefix``. Jobs may be incomplete."""
         tables, damaged = self._tables(None, [KEY])
         keys = {*damaged, *(key for table in tables for key in pc.unique(table[KEY]).to_pylist())}
         return sorted(key for key in keys if key.startswith(prefix))
 
     def compact(self, least: int = 2) -> None:
-        """Join the small files into one file without duplicate rows, if there are at least ``least`` small files.
+        """If there are at least ``least`` small files, join them into one file without duplicate rows.
 
-        Several processes may join files at the same time. A reader may then find duplicate rows, but no row is missing.
+        Several processes may join files at the same time. While files are joined, a reader may find duplicate rows, but
+        no row is missing.
         """
         small = [name for name, table in self._load_all([KEY]).items() if table and len(table) < SMALL_ROWS]
         if len(small) < max(least, 2):
@@ -400,7 +410,7 @@ class Store:
                     self._path(name).unlink(missing_ok=True)
 
     def _tables(self, keys: Collection[str] | None, columns: Names | None = None) -> tuple[list[pa.Table], Names]:
-        """Return a table with the rows of ``keys`` for each file, and the names of damaged files."""
+        """Return one table for each file with the rows of ``keys``, and the names of damaged files."""
         loaded = self._load_all(columns)
         tables = [table for table in loaded.values() if table is not None]
         if keys is not None:
@@ -409,7 +419,7 @@ class Store:
         return [table for table in tables if len(table)], [name for name, table in loaded.items() if table is None]
 
     def _load_all(self, columns: list[str] | None = None) -> dict[str, pa.Table | None]:
-        """Load every file, including files that appear during loading because another process compacts the study."""
+        """Load every file, also files that another process creates during loading because it joins files."""
         loaded: dict[str, pa.Table | None] = {}
         while new := [name for name in self._names() if name not in loaded]:
             for name in new:
@@ -424,10 +434,10 @@ class Store:
         return self.folder / f"{name}.parquet"
 
     def load(self, name: str, columns: list[str] | None = None) -> pa.Table | None:
-        """Load a file, or some of its columns. Return None if the file is damaged.
+        """Return the table in a file, or some of its columns. Return None if the file is damaged.
 
         Raises:
-            FileNotFoundError: The file no longer exists.
+            FileNotFoundError: The file does not exist, for example because another process has joined files.
         """
         path, match = self._path(name), PART_NAME.fullmatch(name)
         if not match or (exists(path) and not path.is_file()):  # reading a pipe would never end
@@ -446,7 +456,7 @@ class Store:
             return None
 
     def write(self, tables: Sequence[pa.Table]) -> None:
-        """Write tables from `table_of` to one file."""
+        """Write the tables, which `table_of` returned, to one new file."""
         content = content_of(concatenated(tables))
 
         def write(partial: Path) -> None:

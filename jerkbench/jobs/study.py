@@ -1,4 +1,4 @@
-"""Studies: reading the rows and notes of a study, writing its tables, and selecting a part of a study by names."""
+"""Functions that read the rows and notes of a study, write its tables, and select a part of a study by names."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -31,13 +31,14 @@ class Study:
 
     Attributes:
         folder: The folder of the study.
-        rows: One row for each job and seed, in the order of the sweeps.
+        rows: One row for each job and seed. The jobs are in the order in which commands ran them.
         notes: Notes that are printed below the tables.
-        keys: The key of the job of each row.
-        code: A short description of the commits that computed the rows.
+        keys: For each row, the key of its job.
+        code: Short text with the commits of the code that computed the rows.
         metadata: The stored metadata of each job, by the key of the job.
         damaged: Names of the files that cannot be read.
-        unlike: Notes about labels that were extended, because their jobs were not measured under the same conditions.
+        unlike: Notes about labels to which conditions were added, because jobs with these labels ran under different
+            conditions.
     """
 
     folder: Path
@@ -51,7 +52,7 @@ class Study:
 
     @classmethod
     def open(cls, folder: Path | str) -> "Study":
-        """Read the study in ``folder``.
+        """Return the study that is stored in ``folder``.
 
         Raises:
             JerkbenchError: The folder has no results.
@@ -76,7 +77,7 @@ class Study:
 
     @property
     def labels(self) -> dict[str, dict[str, str]]:
-        """The labels of each job in the tables, by the key of the job."""
+        """The labels of each job as {key of the job: {factor: label}}."""
         first = ~self.keys.duplicated()
         records = self.rows.loc[first.to_numpy(), [*Labels._fields]].to_dict("records")
         return dict(zip(self.keys[first], records, strict=True))
@@ -90,16 +91,16 @@ class Study:
 
 
 def load_study(folder: Path, seeds: JobSeeds | None = None) -> Study:
-    """Read the results of a study.
+    """Return the stored results of a study.
 
-    If several jobs have the same labels, the result contains only the job of the last command. If the last command ran
-    none of these jobs, the result contains the newest job. If jobs were not measured under the same conditions (data,
-    protocol, engine), the conditions are added to their labels.
+    If several jobs have the same labels, only the job of the last command is returned. If the last command ran no job
+    with these labels, only the newest job is returned. Conditions (data, protocol, engine) in which jobs with the same
+    label differ are added to the labels.
 
     Args:
         folder: The folder of the study.
-        seeds: The seeds to show, by the key of the job. Jobs in ``seeds`` have priority over other jobs with the same
-            labels (by default, the jobs of the last command have priority).
+        seeds: The seeds to return, by the key of the job. Jobs in ``seeds`` have priority over other jobs with the same
+            labels. By default, the jobs of the last command have priority.
 
     Raises:
         JerkbenchError: The folder has no results.
@@ -143,7 +144,7 @@ def load_study(folder: Path, seeds: JobSeeds | None = None) -> Study:
 def _current(
     stored: Sequence[Stored], labels: Mapping[str, Any], order: Mapping[str, int], preferred: Collection[str]
 ) -> list[Stored]:
-    """Return one job for each combination of labels: a job with a key in ``preferred``, or otherwise the newest job."""
+    """Return one job for each combination of labels. Jobs with a key in ``preferred`` have priority over newer jobs."""
     groups: dict[tuple[str, ...], list[Stored]] = {}
     for job in sorted(stored, key=lambda job: (order.get(job.key, len(order)), tuple(labels[job.key].values()))):
         groups.setdefault(tuple(labels[job.key].values()), []).append(job)
@@ -155,7 +156,7 @@ def concluded(
 ) -> tuple[Study, "Table"]:
     """Write the manifest, the rows and the tables of a study after a command. Return the study and the first table.
 
-    The arguments are the arguments of `write_manifest`.
+    The arguments have the same meaning as in `write_manifest`.
     """
     write_manifest(folder, seeds, notes, command, level)
     study = load_study(folder)
@@ -171,9 +172,10 @@ def write_study(study: Study) -> "Table":
 
 
 def named_part(study: Study, names: Sequence[str], factors: Sequence[str]) -> Study:
-    """Return the part of a study whose rows have one of the given names.
+    """Return the part of a study that one of the given names selects.
 
-    A name is a label of one of the ``factors``, with or without its parameters, or several labels joined by ``+``.
+    A name selects the rows that have this label in one of the ``factors``. The parameters in the label are optional. A
+    name may also consist of several labels joined by ``+``.
 
     Raises:
         JerkbenchError: A name matches no row of the study.

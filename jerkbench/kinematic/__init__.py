@@ -1,8 +1,9 @@
 """The compiled engine for kinematic filters, which processes eight runs at the same time.
 
-The kernels are plain Python functions that follow the equations of the filters. In compiled code, each array element is
-a vector with one number for each of the eight runs (`jerkbench.compilation.vectors`). A single run uses the same
-compiled loops, with seven unused numbers in each vector. The package contains these modules::
+The kernels (the functions that numba compiles) are plain Python functions that follow the equations of the filters. In
+compiled code, each array element is a vector with one number for each of the eight runs
+(`jerkbench.compilation.vectors`). A single run uses the same compiled loops, with seven unused numbers in each vector.
+The package contains these modules::
 
     runs                     starts the runs from Python and returns their results
     packs, arguments         runs and filters as arrays, and the types of these arrays

@@ -22,17 +22,18 @@ adaptation, NIS after the adaptation, innovation (6), diagonal of the adapted R 
 is the number of these values."""
 
 MARKED = 9
-"""Number of values stored for a marked row: the position error (3), and the upper triangle of its covariance (6)."""
+"""Number of values in a row of `Output.errors`: the position error (3), and the upper triangle of its covariance
+(6)."""
 
 
 class Steps(NamedTuple):
     """The time steps of the runs, and the inputs and measurements of these steps.
 
     Attributes:
-        model: (n,) row of A, b and Q that belongs to the length of each step, or -1 if the step length is zero.
-        sample: (n,) row of ``u`` that is the filter input in each step.
-        update: (n,) row of ``z`` that is used after each step, or -1 if no update follows the step. The rows are 0, 1,
-            2, ... in the order of the updates.
+        model: (n,) for each step, the row of A, b and Q for the length of the step, or -1 if the step length is zero.
+        sample: (n,) for each step, the row of ``u`` that is the filter input.
+        update: (n,) row of ``z`` that is used after each step, or -1 if no update follows the step. The rows of ``z``
+            are numbered 0, 1, 2, ... in the order of the updates.
         reference: (n,) index 0, 1, 2, ... of the time stamp of the reference at the end of each step, or -1 if the
             reference has no time stamp there.
         u: stream (samples, 3) of filter inputs: acceleration in ENU [m/s2].
@@ -41,7 +42,8 @@ class Steps(NamedTuple):
         R_true: stream (m, 6, 6) of true measurement covariances for the adaptation `oracle`. For all other adaptations,
             ``R_true`` has no rows.
         R: stream (m, 6, 6) of reported measurement covariances.
-        scale: (3, 8) factors on the R of position and of velocity [-], and smallest variance, for each run.
+        scale: (3, 8) for each run, the factor on the R of position, the factor on the R of velocity [-], and the
+            minimum variance in R.
     """
 
     model: IntVector
@@ -59,15 +61,16 @@ class Scoring(NamedTuple):
     """True values and weights for the errors at the k time stamps of the reference. With k = 0, no errors are summed.
 
     Attributes:
-        mark: (k,) row of `Output.errors` in which the error at each time stamp is stored, or -1 if the error is not
+        mark: (k,) for each time stamp, the row of `Output.errors` that stores the error, or -1 if the error is not
             stored.
         counts: stream (m, 1) with 1 for each update that is counted in the NIS, otherwise 0.
         truth: stream (k, 6) of true positions [m] and velocities [m/s] in ENU.
         weights: (k, 4) weights of four error sums: position, position including the burn-in, velocity, and NEES of
             position and velocity.
         outage: stream (k, 1) with 1 during an outage, otherwise 0. ``outage`` has no rows if there is no outage.
-        speeds: True if the velocity error counts at any time stamp.
-        consistency: True if the NEES e' P^-1 e is summed and the position covariances of marked rows are stored.
+        speeds: True if the velocity error is scored at one or more time stamps.
+        consistency: True if the NEES e' P^-1 e is summed, and the position covariances of the rows with ``mark`` >= 0
+            are stored.
         limit_m2: squared position error above which a run counts as diverged [m2].
     """
 
@@ -101,11 +104,11 @@ class Rules(NamedTuple):
     All runs have the same adaptation, but its parameters may differ between runs.
 
     Attributes:
-        parameters: (p, 8) all numbers in the parameters of the adaptation, for each run.
+        parameters: (p, 8) for each run, all numbers in the parameters of the adaptation.
         memory: memory of the adaptation, which is zero at the start. The shape of ``memory`` is (size, 8) if one call
             of the adaptation processes all runs, otherwise (8, size).
         rows: (6,) buffer for the indices of the measured rows.
-        called: True if the adaptation is called. The adaptation `none` is not called.
+        called: True if the loop has to call the adaptation, which is False for the adaptation `none`.
         has_gain: True if the adaptation computes the Kalman gain.
     """
 
@@ -117,13 +120,13 @@ class Rules(NamedTuple):
 
 
 class Output(NamedTuple):
-    """Buffers for the results of the runs that are not stored in the record `record_layout`.
+    """Buffers for those results of the runs that the record `record_layout` does not store.
 
     Attributes:
         states: (k, 6) position and velocity of the first run at the time stamps of the reference. ``states`` has no
             rows if the trajectory is not stored.
         covariances: (k, 6, 6) covariances of ``states``.
-        errors: (marks, MARKED, 8) position errors and their covariances at the marked rows of the reference.
+        errors: (marks, MARKED, 8) position errors and their covariances at the time stamps that `Scoring.mark` selects.
         seen: (m, SEEN, 8) innovation, NIS and R of each update. ``seen`` has no rows if these values are not stored.
     """
 
@@ -134,32 +137,33 @@ class Output(NamedTuple):
 
 
 def new_output(*, visits: int, marks: int, updates: int) -> Output:
-    """Return buffers for ``visits`` time stamps of the reference, ``marks`` marked rows and ``updates`` updates."""
+    """Return buffers for ``visits`` stored states, ``marks`` stored errors and ``updates`` updates."""
     errors, seen = np.full((marks, MARKED, WIDE), np.nan), aligned_zeros(updates, SEEN, WIDE)
     return Output(np.empty((visits, 6)), np.empty((visits, 6, 6)), errors, seen)
 
 
 Runs = Any
-"""Eight runs: a record of `record_layout`, viewed as arrays of vectors. It is passed to functions as one pointer."""
+"""Eight runs: a record of `record_layout`, viewed as arrays of vectors. The record is passed to functions as one
+pointer."""
 
 
 @cache
 def record_layout(n: int, s: int, further: tuple[tuple[str, tuple[int, ...]], ...] = ()) -> np.dtype[Any]:
-    """Return the record type with the state and the buffers of eight runs.
+    """Return the NumPy record type for the states and the buffers of eight runs.
 
     The last axis of each field has one element for each run.
 
     Args:
         n: number of states per axis. In a kinematic filter, x[3 a + i] is state a of axis i.
         s: total number of states of the filter.
-        further: names and shapes of additional fields.
+        further: names and shapes of additional fields of the record.
     """
     shapes: dict[str, tuple[int, ...]] = {
         "x": (s,),  # state
         "P": (s, s),  # its covariance
-        "stopped": (1,),  # positive if the run has failed or diverged, or if there is no run at this index
+        "stopped": (1,),  # positive if the run has failed or diverged, or if this index has no run
         "failed": (1,),  # positive if the adaptation has raised an error or returned NaN
-        "ended": (1,),  # index of the step at which the run stopped, or -1
+        "ended": (1,),  # index of the step at which the run stopped, or -1 if the run has not stopped
         "sums": (SUMS,),  # error sums in the order of `jerkbench.estimate.Streamed`
         "seen": (SEEN,),  # values of the last update in the order of `Output.seen`
         "y": (6,),  # innovation, with 0 in the rows that are not used
@@ -169,11 +173,11 @@ def record_layout(n: int, s: int, further: tuple[tuple[str, tuple[int, ...]], ..
         "M": (6, 7 + s),  # the matrix [S | y | G] before and after the elimination
         "D": (6,),  # diagonal of D in S = L D L'
         "S_diagonal": (6,),
-        "fine": (6,),  # 1 for each measured state whose R is smaller than its P, otherwise 0
-        "before": (s,),  # variances that the update reduces
+        "fine": (6,),  # 1 for each measured state whose variance in R is smaller than in P, otherwise 0
+        "before": (s,),  # variance of each state from which the update starts
         "gain": (6, s),  # transposed gain K'
         "e": (6,),  # error of position and velocity
-        "one": (1,),  # buffer for one number per run
+        "one": (1,),  # buffer with one number for each run
         "square": (s, s),  # buffer
         "shown": (s, s),  # covariance at a time stamp of the reference, if it is scored or stored
         "u": (6,),  # filter input of the current step
@@ -192,7 +196,7 @@ def record_layout(n: int, s: int, further: tuple[tuple[str, tuple[int, ...]], ..
 
 
 def new_state(of: np.dtype[Any], initial: Mapping[str, FloatArray], runs: int) -> Any:  # noqa: ANN401 - a record
-    """Return the initial record of at most eight ``runs``.
+    """Return the initial record for a number of ``runs`` from one to eight.
 
     The argument ``of`` is the `record_layout`, and ``initial`` contains the initial values of fields of the record. All
     other numbers are zero.

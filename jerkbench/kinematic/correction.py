@@ -5,16 +5,16 @@ With W = H P, S = H P H' + R and v = S^-1 y, the update of the measured states h
     x + K y = x + W' v = x + y - R v
     posterior = P - W' S^-1 W = R - R S^-1 R = R S^-1 W
 
-The computed factors of S are the exact factors of a matrix S + E with |E_ij| < eps sqrt(S_ii S_jj). Therefore a product
-A' S^-1 B has the rounding error A' S^-1 E S^-1 B. The rounding error of the update is small if A and B are small, and
-if no large number is subtracted from another large number. After a gap, P may be 1e12 R. For each state, the update
-therefore starts from one of two pairs of value and variance, and uses one of two columns of G::
+The computed factors of S are the exact factors of a matrix S + E with |E_ij| < eps sqrt(S_ii S_jj). The rounding error
+of a product A' S^-1 B is therefore A' S^-1 E S^-1 B. The rounding error of the update is small if A and B are small,
+and if no large number is subtracted from another large number. After a gap, P may be 1e12 R. For each state, the update
+therefore starts from one of the following two pairs of value and variance, and uses the corresponding column of G::
 
     x + y,    R,    G = -R    if it is measured and R < P;    x,    P,    G = W    otherwise
 
-The covariance between a state of the first kind and a state of the second kind starts from 0. With S = L D L', Y = L^-1
-G and w = L^-1 y, the update adds G' S^-1 y = Y' D^-1 w to x, and subtracts G' S^-1 G = Y' D^-1 Y from P. In S, a
-measurement row that is not used is a row of the identity matrix. In G and y, a measurement row that is not used is 0.
+The covariance between a state with G = -R and a state with G = W starts from 0. With S = L D L', Y = L^-1 G and w =
+L^-1 y, the update adds G' S^-1 y = Y' D^-1 w to x, and subtracts G' S^-1 G = Y' D^-1 Y from P. In S, a measurement row
+that is not used is a row of the identity matrix. In G and y, a measurement row that is not used is 0.
 """
 
 from jerkbench.arrays import FloatArray
@@ -30,7 +30,7 @@ NAN = float("nan")
 
 
 def _fill_innovation_covariance(run: Runs, P: FloatArray) -> None:
-    """Write S and y to the matrix M. Stop each run in which the asymmetry of S exceeds the rounding errors."""
+    """Write S and y to the matrix M. Stop each run in which the asymmetry of S is too large for a rounding error."""
     M, R, used, S_diagonal, stopped = run.M, run.R, run.used, run.S_diagonal, run.stopped[0]
     for r in range(6):
         for c in range(r, 6):
@@ -49,8 +49,8 @@ def _fill_innovation_covariance(run: Runs, P: FloatArray) -> None:
 def eliminate(M: FloatArray, r: int, rows: int, columns: int) -> float:
     """Subtract multiples of row ``r`` from the next rows, as in Gaussian elimination, and return 1 / M[r, r].
 
-    If this is done for each row, M = [S | B] becomes [D L' | L^-1 B] with S = L D L'. Only the upper triangle of S is
-    used.
+    If the function is called for each row in order, M = [S | B] becomes [D L' | L^-1 B] with S = L D L'. Only the upper
+    triangle of S is used.
     """
     over_pivot = 1.0 / M[r, r]
     for q in range(r + 1, rows):
@@ -112,7 +112,7 @@ def correct(run: Runs, x: FloatArray, P: FloatArray) -> float:
 def _fill_start(run: Runs, x: FloatArray, P: FloatArray, s: int) -> None:
     """Write G to M, and replace x and P by the values from which the update starts.
 
-    The docstring of the module `correction` describes these values.
+    The docstring of the module `correction` describes G and these values.
     """
     R, M, used, fine, before, some = run.R, run.M, run.used, run.fine, run.before, run.y[0] * 0.0
     for r in range(6):
@@ -141,7 +141,8 @@ BOUND = 4.0 * EXPOSED
 """A limit for skipping `_widen`, larger than (1 + e) EXPOSED.
 
 Let C be the correlation matrix of S. If the posterior variance is larger than BOUND / det C times the variance from
-which the update started, `_widen` does not change it. With Z = S^-1 G, m rows and the smallest eigenvalue of C:
+which the update started, `_widen` does not change the posterior variance. With Z = S^-1 G, m rows and the smallest
+eigenvalue of C:
 
     sum_i Z_i^2 S_ii <= Z' S Z / eigenvalue(C),    eigenvalue(C) >= det C ((m - 1) / m)^(m - 1) > det C / e
 
@@ -198,9 +199,9 @@ def correct_by_gain(run: Runs, s: int) -> float:
     """Update the state with the gain K of the adaptation, and return the NIS y' S^-1 y of each run.
 
     The covariance update is P = (I - K H) P (I - K H)' + K R K', where K is the transpose of ``run.gain``. I - K H is
-    computed before the products with P, because P may be 1e16 R after a gap. If K is 1, the result must not contain a
-    rounding error of P. For states that are not measured, the columns of I - K H are columns of the identity matrix, so
-    the multiplication with these columns is omitted.
+    computed before the products with P, so that for K = 1 the result does not contain a rounding error of P, which may
+    be 1e16 R after a gap. For states that are not measured, the columns of I - K H are columns of the identity matrix,
+    so the multiplication with these columns is omitted.
     """
     x, P, R, K, rest, half, used = run.x, run.P, run.R, run.gain, run.M, run.square, run.used
     distance = find_nis(run, P)

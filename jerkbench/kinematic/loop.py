@@ -29,7 +29,7 @@ def run_steps(
     (``shown``) is predicted to this time. Therefore the results of a run do not depend on the requested metrics.
 
     Args:
-        axis: tuple whose length n is the number of states per axis. The values of the tuple are not used.
+        axis: tuple whose length is the number of states per axis. The values in the tuple have no meaning.
         steps: time steps and measurements of the runs.
         scored: true values and weights for the error sums.
         model: transition matrices and process noise of the filters.
@@ -75,7 +75,7 @@ def _copy(given: FloatArray, into: FloatArray) -> None:
 
 
 def _take_due(run: Runs) -> None:
-    """Move the accumulated A and Q of each run that has a measurement to ``run.A`` and ``run.Q``.
+    """For each run with a measurement, move the accumulated A and Q to ``run.A`` and ``run.Q``.
 
     For each run without a measurement, ``run.A`` is the identity and ``run.Q`` is zero, so that the covariance is not
     predicted yet. Therefore the result of a run does not depend on the update times of other runs.

@@ -36,7 +36,7 @@ from jerkbench.timeline import Run, Timeline
 
 
 def _layout(n: int) -> np.dtype[Any]:
-    """Return the `record_layout`: x and P of the combined estimate, and x0, P0, x1 and P1 of the two filters."""
+    """Return the `record_layout` with x and P of the combined estimate, and x0, P0, x1 and P1 of the two filters."""
     s = 3 * n
     states = (("x0", (s,)), ("P0", (s, s)), ("x1", (s,)), ("P1", (s, s)))
     weights = (("Pi", (2, 2)), ("c", (2,)), ("mu", (2,)), ("w", (2, 2)), ("deviation", (2, s)))
@@ -87,7 +87,7 @@ def run_mixture(
 def _correct(run: Runs, x: FloatArray, P: FloatArray, z: FloatArray, which: int, j: int) -> None:
     """Update filter ``j`` with the adapted R and the measurement rows that the adaptation has not dropped.
 
-    The log likelihood of the filter, up to a constant, is stored in mu.
+    The log likelihood of the filter, up to a constant, is stored in ``run.mu[j]``.
     """
     read(z, which, run.y)
     for r in range(6):
@@ -114,7 +114,7 @@ def combine(run: Runs) -> None:
 
 
 def weigh(run: Runs) -> None:
-    """Replace the log likelihoods in mu by mode probabilities, scaled by the larger likelihood to avoid underflow."""
+    """Replace the log likelihoods in mu by mode probabilities. Scaling by the larger likelihood avoids underflow."""
     mu, c = as_numbers(run.mu), as_numbers(run.c)
     for k in range(8):
         largest = max(mu[0, k], mu[1, k])
@@ -176,7 +176,7 @@ def mix_single(timeline: Timeline, start: Mixed, rule: Rule) -> Estimate | None:
 def mix_many(
     runs: Sequence[Run], starts: Sequence[Mixed], rules: Sequence[Rule], *, updates: bool, threads: int
 ) -> list[Streamed | None]:
-    """Return the error sums of each IMM run of a batch, or None for a run that must be repeated alone."""
+    """Return the error sums of each IMM run of a batch, or None for a run that the caller must repeat alone."""
     states = [x.shape[1] for _, x, *_ in starts]
     return run_packs(runs, states, rules, partial(_prepared, starts), updates=updates, threads=threads)
 

@@ -1,4 +1,4 @@
-"""Conversion of filters and runs to arrays for the compiled loop, in packs of up to eight runs with the same steps."""
+"""Conversion of filters and runs to arrays for the compiled loop, in packs of up to eight runs with equal steps."""
 
 import math
 from collections.abc import Callable, Hashable, Sequence
@@ -22,7 +22,7 @@ def _is_frozen(model: Filter) -> bool:
 
 
 def _arrays_of(model: Filter, lengths_s: bytes, dt0_s: float) -> Model:
-    """Return the arrays of one filter for each step length.
+    """Return the arrays A, b and Q of one filter for each step length.
 
     If a step length is not positive, its transition matrix A is the identity matrix.
     """
@@ -38,7 +38,7 @@ _cached_arrays: Callable[..., Model] = lru_cache(maxsize=32)(_arrays_of)
 class Pack(NamedTuple):
     """A pack of up to WIDE runs, which one call of the compiled loop processes.
 
-    If a pack has fewer than WIDE runs, the data of the last run are repeated.
+    If a pack has fewer than WIDE (eight) runs, the arrays contain copies of the last run.
 
     Attributes:
         steps: the time steps and measurements of all runs of the pack.
@@ -46,9 +46,9 @@ class Pack(NamedTuple):
         lengths_s: the distinct step lengths [s].
         dt0_s: nominal length of a step [s].
         update_s: (m,) times at which at least one run has an update [s].
-        marks: for each run, the rows of `Output.errors` that belong to the run.
+        marks: for each run, the rows of `Output.errors` that contain errors of this run.
         members: indices of the runs of this pack in the batch.
-        timelines: the timelines of the WIDE runs, including the repeated run.
+        timelines: timelines of the WIDE runs, including the copies of the last run.
     """
 
     steps: Steps
@@ -62,7 +62,7 @@ class Pack(NamedTuple):
 
     @property
     def lanes(self) -> tuple[int, ...]:
-        """Indices (WIDE,) of the runs in the batch, including the repeated run."""
+        """Indices (WIDE,) of the runs of this pack in the batch, including the copies of the last run."""
         return (*self.members, *[self.members[-1]] * (WIDE - len(self.members)))
 
     def kinematic(self, models: Sequence[Filter]) -> tuple[Model, dict[str, FloatArray]]:
@@ -85,7 +85,7 @@ class Pack(NamedTuple):
 
 
 Kind = tuple[Hashable, bool]
-"""Properties that must be equal in all runs of a pack, in addition to the time steps.
+"""Properties that must be equal in all runs of a pack, in addition to the time steps of the runs.
 
 The first element contains the number of states and all other properties that select the compiled loop. The second
 element is true if the adaptation receives the true covariance as R.
@@ -93,7 +93,7 @@ element is true if the adaptation receives the true covariance as R.
 
 
 def pack_runs(runs: Sequence[Run], kinds: Sequence[Kind]) -> list[Pack]:
-    """Return packs of runs with the same kind, the same step lengths, and the same time stamps of the reference."""
+    """Return packs of runs that have the same kind, time steps, reference time stamps and error weights."""
     groups: dict[tuple[Kind, _Grid], list[int]] = {}
     lanes = [_Lane(run) for run in runs]
     for index, (lane, kind) in enumerate(zip(lanes, kinds, strict=True)):
@@ -117,7 +117,7 @@ def _members(lanes: Sequence["_Lane"], indices: Sequence[int]) -> list[tuple[int
 
     As many groups as possible contain runs on only one recording, because all runs of such a group share the same
     arrays. If possible, each remaining group contains one run on each of WIDE recordings. The order of the recordings
-    is the same in these groups, so that the stacked arrays can be reused.
+    is the same in all groups of this type, so that their stacked arrays can be reused.
     """
     by_inputs: dict[_Lane, list[int]] = {}
     for index in indices:
@@ -135,8 +135,8 @@ def _members(lanes: Sequence["_Lane"], indices: Sequence[int]) -> list[tuple[int
 class _Lane(Same):
     """A run. Two runs are equal if the arrays of their inputs are the same objects, except the factors on R.
 
-    Therefore runs on the same recording with different factors are equal, and their arrays are stacked only once.
-    Stacking the arrays takes longer than a run.
+    Therefore runs on the same recording with different factors on R are equal, and their arrays are stacked only once,
+    because stacking the arrays takes longer than a run.
     """
 
     def __init__(self, run: Run) -> None:
@@ -155,8 +155,8 @@ _AS_REPORTED, FLOORED = np.array([1.0, 1.0, -np.inf]), np.array([1.0, 1.0, VARIA
 class _Grid(Keyed):
     """The time steps and weights that all runs of a pack share.
 
-    Two grids are equal if the hashes of their arrays are equal. The arrays of a grid have the same meaning as in
-    `Steps` and `Scoring`. All packs with equal grids use the same array objects.
+    Two grids are equal if the hashes of their arrays are equal. The attributes ``reference`` and ``weights`` have the
+    same meaning as in `Steps` and `Scoring`. All packs with equal grids use the same array objects.
     """
 
     def __init__(self, lane: _Lane) -> None:
@@ -178,7 +178,7 @@ class _Grid(Keyed):
 _same_grid: Callable[[_Grid], _Grid] = lru_cache(maxsize=64)(lambda grid: grid)
 
 
-@lru_cache(maxsize=64)  # each distinct grid and its cached arrays need up to 1 MB
+@lru_cache(maxsize=64)  # each grid with its cached arrays needs up to 1 MB
 def _grid(lane: _Lane) -> _Grid:
     """Return the grid of a run, or an equal grid from the cache."""
     return _same_grid(_Grid(lane))
@@ -203,7 +203,7 @@ def _pack(of_runs: Sequence[_Lane], members: tuple[int, ...], *, wants_truth: bo
 
 
 def _stacked_streams(lanes: tuple[_Lane, ...], wants_truth: bool) -> Pack:
-    """Return the pack of runs without the initial states and the factors on R."""
+    """Return a pack with the stacked arrays of the runs, but without ``members``, ``timelines`` and factors on R."""
     runs, grid, none = [lane.run for lane in lanes], _grid(lanes[0]), np.empty((0, 6, 6, 1))
     timeline, (lengths_s, model) = grid.timeline, grid.timeline.lengths
     updated = np.flatnonzero(np.any([run.timeline.update >= 0 for run in runs], axis=0))
@@ -260,7 +260,7 @@ def stack_runs(parts: Sequence[FloatArray]) -> FloatArray:
 def _at_updates(run: Run, updated: IntArray, rows: FloatArray, nothing: float) -> FloatArray:
     """Return the rows of a run at each update of its pack.
 
-    If the run has no update at this time, the row is filled with the value ``nothing``.
+    If the run has no update at the time of an update of the pack, the row contains the value ``nothing``.
     """
     which = run.timeline.update[updated]
     found = np.full((len(which), *rows.shape[1:]), nothing)

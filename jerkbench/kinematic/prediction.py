@@ -1,7 +1,7 @@
 """The compiled prediction with the transition matrix F, the Kronecker product of A with I3.
 
 The same product with A is computed for each axis of x and for each pair of axes of P. The number n of states per axis
-is the length of the tuple ``axis``, so that n is a constant for the compiler.
+is the length of the tuple ``axis``, so that n is a constant when numba compiles the functions.
 """
 
 from jerkbench.arrays import FloatArray
@@ -51,7 +51,7 @@ def _predict_pair(P: FloatArray, A: FloatArray, Q: FloatArray, AP: FloatArray, a
 
 
 def read_step(run: Runs, steps: Steps, model: Model, k: int) -> None:
-    """Read the filter input u, and A, b and Q of the model, for step ``k``."""
+    """Copy the filter input u, and A, b and Q of the model, for step ``k`` to ``run``."""
     length = steps.model[k]
     read(steps.u, steps.sample[k], run.u)
     read_matrix(model.A, length, run.A_step)
@@ -68,7 +68,7 @@ def predict(run: Runs, x: FloatArray, P: FloatArray, steps: Steps, model: Model,
 
 
 def compose(run: Runs, axis: Axis) -> None:
-    """Add a step to the accumulated transition and noise: A = A_step A and Q = A_step Q A_step' + Q_step."""
+    """Add a step to the transition and process noise since the last update: A_step A and A_step Q A_step' + Q_step."""
     A, Q, A_step, AA, AQ, n = run.A_total, run.Q_total, run.A_step, run.square, run.M, len(axis)
     for a in range(n):
         for b in range(n):

@@ -1,11 +1,11 @@
-"""Compilation of adaptations: wrappers with a fixed signature call the unchanged methods of a plugin.
+"""Compilation of adaptations: wrapper functions with a fixed signature call the unchanged methods of a plugin.
 
 The compiled loop passes arrays with the data of eight runs to a wrapper. If the plugin has ``lanes = True``, the
 wrapper calls the plugin once for all runs that ``selected`` marks. If ``lanes`` is false, the wrapper calls the plugin
 separately for each run that ``selected`` marks. In each call, the wrapper creates a named tuple with the parameters of
-the plugin from arrays of numbers. Therefore one compilation is valid for all values of the parameters. The source code
-of the wrappers is generated. The generated code is stored in a file next to the compiled code, because numba caches
-only functions whose source is a file.
+the plugin from arrays of numbers. Therefore a compiled wrapper is valid for all values of the parameters. The source
+code of the wrappers is generated. The generated code is stored in a file next to the compiled code, because numba
+caches only functions whose source is a file.
 """
 
 import dataclasses
@@ -38,7 +38,7 @@ from jerkbench.notices import notify
 
 PluginMethod = Callable[..., Any]
 
-# The next functions call an adaptation for eight runs (arrays of vectors) or for one run (arrays of numbers).
+# The next functions call an adaptation for eight runs (elements are vectors) or for one run (elements are numbers).
 # The argument ``fields`` is the named tuple with the parameters of the plugin.
 # The methods of a plugin receive copies of the measured rows, because a method may change its arguments.
 # Only the results of the selected runs are stored.
@@ -90,7 +90,7 @@ def gain_runs(
     rows: IntArray,
     memory: FloatArray,
 ) -> bool:
-    """Write the gain, transposed, to the rows of ``found`` (6, n). Returns whether the gain has the shape (n, m).
+    """Write the transposed gain to the rows of ``found`` (6, n), and return whether the gain has the shape (n, m).
 
     The tuple ``arrays`` contains x, P, A, Q, y, R and ``found``.
     """
@@ -131,7 +131,7 @@ def _three_axes(A: FloatArray) -> FloatArray:
 
 
 def restore_memory(memory: FloatArray, saved: FloatArray, selected: float) -> None:
-    """Restore the memory of the runs that are not selected, because a call changes the memory of all runs."""
+    """Restore the memory of the runs that are not selected, because a batched call changes the memory of all runs."""
     for e in range(len(memory)):
         memory[e] = select(selected, 0.0, memory[e], saved[e])
 
@@ -206,8 +206,9 @@ def _method(plugin: Adaptation, name: str) -> PluginMethod | None:
 def _constructor(plugin: Adaptation, *, lanes: bool) -> str:
     """Return the source of expressions that read the attributes of the plugin from arrays of numbers.
 
-    In a batch, an integer is read from the parameters of the first run, unless it may differ between the runs. Values
-    that are not numbers, such as strings, become constants in the source.
+    In a batch, an integer is read from the parameters of the first run, unless the attribute ``varying`` of the plugin
+    states that the integer may differ between the runs. Values that are not numbers, such as strings, become constants
+    in the source.
     """
     index, texts = iter(range(10**6)), []
     for name, value in _attributes(plugin):
@@ -278,7 +279,8 @@ class Rule:
     Attributes:
         adaptation: the adaptation plugin.
         kind: the cache key of the compiled code.
-        in_lanes: whether one call of the adaptation processes all runs of a batch.
+        in_lanes: true if one call of the adaptation processes all runs of a batch, false if each run needs a separate
+            call.
     """
 
     adaptation: Adaptation
@@ -287,7 +289,7 @@ class Rule:
 
     @cached_property
     def numbers(self) -> list[tuple[str, float]]:
-        """Pairs of attribute name and value, one for each number in the attributes of the plugin."""
+        """Pairs (attribute name, number), one for each number in the attributes of the plugin."""
         return [(name, number) for name, value in _attributes(self.adaptation) for number in _numbers(value)]
 
     @cached_property
@@ -339,7 +341,7 @@ def _obstacle(kind: _Kind, lanes: bool) -> str:
     """
     if not can_compile():
         return "NUMBA_DISABLE_JIT is set: numba compiles nothing"
-    from numba.core.errors import NumbaError, UnsupportedBytecodeError  # not a subclass of NumbaError
+    from numba.core.errors import NumbaError, UnsupportedBytecodeError  # UnsupportedBytecodeError is not a NumbaError
 
     try:
         for compilation in _compilations(kind, lanes):
@@ -371,13 +373,13 @@ def _compilations(kind: _Kind, lanes: bool) -> tuple[Compilation, Compilation]:
 
 
 def compilations_of(adaptation: Adaptation) -> tuple[Compilation, ...]:
-    """Return the compilations of the adaptation and of its gain that `compiled_rule` tries first."""
+    """Return the compilations of the adaptation and its gain, in the batched form if the plugin supports this form."""
     return _compilations(_Kind(adaptation), asked_in_lanes(adaptation))
 
 
 @cache
 def _never_called() -> Compilation:
-    """Return the compilation of an empty function that replaces a method which an adaptation does not have."""
+    """Return the compilation of an empty function, which replaces a method that an adaptation does not have."""
     names = ", ".join(f"a{k}" for k in range(len(called_type().args)))
     scope = _executed("nothing", f"def nothing({names}):\n    return None\n", {})
     return Compilation(scope["nothing"], None, called_type())
@@ -386,7 +388,7 @@ def _never_called() -> Compilation:
 def rules_of(rules: Sequence[Rule], states: int) -> Rules:
     """Return the parameters and the memory of up to eight rules with the same `Rule.group` as arrays.
 
-    The argument ``states`` is the number of states of the filters.
+    The argument ``states`` is the number of states of each filter.
     """
     first, parameters = rules[0], aligned_zeros(len(rules[0].numbers), WIDE)
     for k, rule in enumerate(rules):

@@ -1,4 +1,4 @@
-"""Python functions that call the compiled loop for one run with its trajectory, or for a batch in packs of eight."""
+"""Python functions that call the compiled loop, for one run with its trajectory or for a batch in packs of eight."""
 
 import math
 from collections.abc import Callable, Hashable, Sequence
@@ -42,7 +42,7 @@ from jerkbench.timeline import Run, Timeline
 Prepared = tuple[Compilation, np.dtype[Any], Any, dict[str, FloatArray]]
 """The loop, the `record_layout` of its state, the argument that describes the filter, and the initial values of fields.
 
-The initial values are arguments of `new_state`.
+The initial values are passed to `new_state`.
 """
 
 Prepare = Callable[[Pack], Prepared]
@@ -70,7 +70,7 @@ def run_trajectory(timeline: Timeline, rule: Rule, prepare: Prepare) -> tuple[Es
     """Run a compiled loop over ``timeline``, and store the trajectory.
 
     Returns:
-        The estimate, or None if the adaptation raises an error, and the final record of the runs.
+        A pair: the estimate, or None if the adaptation raises an error, and the record with the final state of the run.
     """
     (pack,) = pack_runs([Run(timeline, NO_SCORING)], [((), wants_truth(rule.adaptation))])
     rows, updates = timeline.reference[timeline.reference >= 0], len(pack.update_s)
@@ -112,7 +112,7 @@ OF_COVARIANCE, OF_VELOCITY = [NEES, NEES_POSITION], [*range(VELOCITY_SQUARES, WI
 
 def compile_ahead(models: Sequence[Filter], adaptations: Sequence[Adaptation]) -> None:
     """Compile the loops and adaptations of a batch, in parallel with other processes where this is possible."""
-    with suppress(Exception):  # the run raises the error of a plugin again
+    with suppress(Exception):  # the error of a plugin is raised again by its run
         loops = [loop_for(states) for states in dict.fromkeys(map(states_on_axis, models))]
         compile_all([*loops, *(one for of in map(compilations_of, dict.fromkeys(adaptations)) for one in of)])
 
@@ -127,7 +127,8 @@ def run_batch(
 ) -> list[Streamed | None]:
     """Run each run k with the filter ``models[k]`` and the adaptation ``rules[k]``, and return the error sums per run.
 
-    The result is None for a run that must be repeated alone, because it diverged or its adaptation raised an error.
+    The result is None for a run that diverged or whose adaptation raised an error. The caller must repeat such a run
+    alone.
     """
     states = [3 * states_on_axis(model) for model in models]
     return run_packs(runs, states, rules, partial(_prepared, models), updates=updates, threads=threads)
@@ -146,15 +147,15 @@ def run_packs(
     """Process runs in packs of up to eight runs, and return the error sums of each run.
 
     The runs of a pack have the same number of states, the same time steps and the same kind of adaptation. The result
-    is None for a run that must be repeated alone.
+    is None for a run that the caller must repeat alone.
 
     Args:
         runs: timeline and scoring of each run.
         states: number of states of the filter of each run.
         rules: compiled adaptation of each run.
         prepare: function that prepares the compiled loop for a pack.
-        kinds: additional property of each run that must be equal in a pack, or empty without such a property.
-        updates: whether the values of each update are stored.
+        kinds: for each run, an additional property that must be equal in a pack, or empty without such a property.
+        updates: whether the results contain the innovation, the NIS and R of each update.
         threads: maximum number of packs that are processed at the same time.
     """
     results: list[Streamed | None] = [None] * len(runs)
@@ -185,7 +186,7 @@ def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, "jerkbench-runs")
 
 
-_packs = lru_cache(maxsize=2)(pack_runs)  # the next filter reuses the packs; 150 s at 100 Hz need 10 MB
+_packs = lru_cache(maxsize=2)(pack_runs)  # the next filter reuses the packs; 150 s at 100 Hz need 10 MB of memory
 
 
 def _results_of(pack: Pack, state: Any, output: Output) -> list[Streamed | None]:  # noqa: ANN401 - a record

@@ -23,7 +23,7 @@ from jerkbench.kinematic.correction import eliminate
 
 
 def give(run: Runs, P: FloatArray, scored: Scoring, output: Output, k: int) -> None:
-    """Store the state ``run.x`` and its covariance P at time stamp ``k`` of the reference, and sum the errors."""
+    """Store the state ``run.x`` and its covariance P at time stamp ``k`` of the reference, and add up the errors."""
     if len(output.states) > 0:
         state, covariance = as_numbers(run.x), as_numbers(P)
         for r in range(6):
@@ -52,7 +52,7 @@ def _add_errors(run: Runs, scored: Scoring, k: int) -> None:
     square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2]
     sums[WITH_BURN_IN] += weights[1] * square
     sums[MAX_ERROR] = select(weights[0] * square, sums[MAX_ERROR], square, sums[MAX_ERROR])
-    if anywhere(square - scored.limit_m2):  # ROWS_LEFT identifies the first divergence, also in a backward pass
+    if anywhere(square - scored.limit_m2):  # the largest ROWS_LEFT is the first divergence, also in a backward pass
         left = select(square, scored.limit_m2, float(len(scored.weights) - k), 0.0)
         sums[DIVERGED] = select(left, sums[ROWS_LEFT], square, sums[DIVERGED])
         sums[ROWS_LEFT] = select(left, sums[ROWS_LEFT], left, sums[ROWS_LEFT])
@@ -80,7 +80,7 @@ def _add_consistency(run: Runs, P: FloatArray, of_position: float, of_both: floa
 
 
 def _mark(run: Runs, P: FloatArray, marked: FloatArray, consistency: bool) -> None:
-    """Store the position error at a marked row of the reference, and the upper triangle of its covariance."""
+    """Store the position error and the upper triangle of its covariance in ``marked``, a row of `Output.errors`."""
     for i in range(3):
         marked[i] = run.e[i]
     if consistency:

@@ -11,11 +11,12 @@ from the filtered x and P::
     over a step:
     lambda = F' lambda,                             Lambda = F' Lambda F
 
-The smoother inverts only the innovation covariance S, whose factors are known from the forward pass. For the smoother,
-a fading factor on P is equivalent to a larger Q in the step before the update.
+The smoother inverts only the innovation covariance S, whose factors are known from the forward pass. If the adaptation
+multiplies P by a fading factor before an update, the effect on the smoother is the same as of a larger Q in the step
+before this update.
 
-The forward pass stores its state on a tape after each update, and after every `SEGMENT` steps without an update. The
-backward pass computes the states between two rows of the tape again by prediction.
+The forward pass stores its state in a buffer, the tape, after each update, and after every `SEGMENT` steps without an
+update. The backward pass computes the states between two rows of the tape again by prediction.
 
 Source: G. J. Bierman, "Fixed interval smoothing with discrete measurements", International Journal of Control 18(1),
 1973, doi:10.1080/00207177308932487.
@@ -60,7 +61,7 @@ SEGMENT = 32
 
 
 class Tape(NamedTuple):
-    """The model of the filter, and buffers that pass the filtered states to the backward pass.
+    """The model of the filter, and buffers in which the forward pass stores the filtered states for the backward pass.
 
     Attributes:
         model: model of the filter.
@@ -70,7 +71,7 @@ class Tape(NamedTuple):
         left: (rows, 6, s, 8) first six columns of I - K H, transposed.
         solved: (rows, 6, 7, 8) weighted innovation S^-1 y, followed by the inverse S^-1 of the innovation covariance,
             with zeros for measurement rows that are not used.
-        between_x: (SEGMENT, s, 8) states after the steps between two rows of the tape, and in the second row.
+        between_x: (SEGMENT, s, 8) states after each step from one row of the tape to the next row.
         between_P: (SEGMENT, s, s, 8) covariances of ``between_x``.
     """
 
@@ -85,7 +86,7 @@ class Tape(NamedTuple):
 
 
 def _layout(n: int) -> np.dtype[Any]:
-    """Return the `record_layout` of the filter, with fields for lambda and Lambda and two fields that remain zero."""
+    """Return the `record_layout` of the filter, with fields for lambda and Lambda and two fields of zeros."""
     s = 3 * n
     return record_layout(n, s, (("adjoint_x", (s,)), ("adjoint_P", (s, s)), ("none", (6,)), ("no_Q", (n, n))))
 
@@ -108,7 +109,7 @@ def run_smoother(
     run, x, P = in_lanes(state), in_lanes(tape.x), in_lanes(tape.P)
     left, solved = in_lanes(tape.left), in_lanes(tape.solved)
     tape.step[0] = -1
-    last = tape.step[0] + 1  # this value is 0; a literal 0 would have a different type in compiled code
+    last = tape.step[0] + 1  # 0, but with the integer type of ``step``, because a literal has another type
     _copy(run.x, run.P, x[0], P[0])
     for k in range(len(steps.model)):
         if steps.model[k] >= 0:
@@ -140,8 +141,8 @@ def _copy(x: FloatArray, P: FloatArray, into_x: FloatArray, into_P: FloatArray) 
 def _write_update(run: Runs, left: FloatArray, solved: FloatArray) -> None:
     """Write I - K H, S^-1 y and S^-1 of the last update to the tape.
 
-    Column a of ``gain`` is column a of K' = S^-1 H P. If state a is measured and its R is smaller than its P, column a
-    is -S^-1 R = K' - I instead (see `jerkbench.kinematic.correction`).
+    Column a of ``run.gain`` is column a of K' = S^-1 H P. If state a is measured and its variance in R is smaller than
+    in P, column a of ``run.gain`` is -S^-1 R = K' - I (see `jerkbench.kinematic.correction`).
     """
     M, Z = run.M, run.gain
     solve_back(M, Z, 7, len(run.x))
@@ -269,14 +270,15 @@ def smooth_many(
 ) -> list[Streamed | None]:
     """Return the error sums of each smoothed run of a batch.
 
-    The result is None for a run that must be repeated alone, because it diverged or its adaptation raised an error.
+    The result is None for a run that diverged or whose adaptation raised an error. The caller must repeat such a run
+    alone.
     """
     states = [3 * states_on_axis(model) for model in models]
     return run_packs(runs, states, rules, partial(_prepared, models), updates=updates, threads=threads)
 
 
 def _prepared(models: Sequence[Filter], pack: Pack) -> Prepared:
-    """Return the smoother, its `record_layout`, the buffer of its stored steps, and the initial states."""
+    """Return the smoother, its `record_layout`, its empty `Tape`, and the initial states."""
     (model, initial), update = pack.kinematic(models), pack.steps.update
     n = model.A.shape[1]
     s, rows = 3 * n, 3 + len(update) // SEGMENT + int(np.count_nonzero(update >= 0))

@@ -1,7 +1,7 @@
 """Computation of the error sums of a run from its trajectory.
 
-A trajectory may contain NaN at time stamps whose errors do not count. The states of a run whose
-trajectory is not stored must not contain NaN.
+A trajectory may contain NaN at time stamps whose errors are not scored. In a run without a stored trajectory, no state
+may be NaN.
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ UPPER = np.triu_indices(3)
 
 @np.errstate(all="ignore")
 def scored_trajectory(estimate: Estimate, scoring: ErrorWeights) -> Streamed:
-    """Return the error sums of a trajectory. A sum is NaN if one of the errors that count is NaN."""
+    """Return the error sums of a trajectory. A sum is NaN if one of the scored errors is NaN."""
     k, sums = len(estimate.index), np.zeros(SUMS)
     errors = np.hstack([estimate.position_m, estimate.velocity_mps]) - scoring.truth[:k]
     counted, with_burn_in, moving, outage = (
@@ -69,7 +69,7 @@ def _squared_distances(errors: FloatArray, covariance: FloatArray) -> tuple[Floa
 
 
 def _add_updates(sums: FloatArray, updates: Updates, start_s: float) -> None:
-    """Add the NIS per measurement row to the sums, for the reported R, and for the adapted R without dropped rows."""
+    """Add the NIS per measurement row to the sums, with the reported R and with the R and rows after the adaptation."""
     used_rows = updates.rows - np.isinf(updates.R_diagonal).sum(axis=1)
     for rows, nis, total, count in (
         (updates.rows, updates.nis, NIS, UPDATES),

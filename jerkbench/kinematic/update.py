@@ -38,8 +38,8 @@ def update(run: Runs, steps: Steps, rules: Rules, adapt: Called, gain: Called, w
         steps: measurements of the runs.
         rules: parameters and memory of the adaptations.
         adapt: compiled function that adapts R.
-        gain: compiled function that computes the Kalman gain. It is called if ``rules.has_gain`` is true.
-        which: row of the measurements.
+        gain: compiled function that computes the Kalman gain, which is called if ``rules.has_gain`` is true.
+        which: row of ``steps.z`` and ``steps.R`` that contains the measurements.
     """
     expect(run, steps, which)
     if rules.called:
@@ -54,7 +54,7 @@ def update(run: Runs, steps: Steps, rules: Rules, adapt: Called, gain: Called, w
 
 @not_inlined
 def expect(run: Runs, steps: Steps, which: int) -> None:
-    """Store the innovation and its NIS with the reported R, and compute the R that the adaptation receives."""
+    """Store the innovation and its NIS with the reported R times ``steps.scale``, and the R for the adaptation."""
     R, used, scale, seen, D = run.R, run.used, in_lanes(steps.scale), run.seen, run.D
     _read_covariance(run, steps.R, which)
     for block in range(2):
@@ -145,7 +145,8 @@ def _call_for_groups(run: Runs, rules: Rules, function: Called, result: FloatArr
 def _select_group(run: Runs, rows: IntArray, k: int) -> int:
     """Select all waiting runs with the same measured rows as run ``k``, and write these rows to ``rows``.
 
-    A run is waiting if the adaptation has not been called for this run yet. The function returns the number of rows.
+    A run is waiting if the adaptation has not been called for this run yet. The function returns the number of measured
+    rows.
     """
     used, selected, m = as_numbers(run.used), run.waiting[0], 0
     for r in range(6):

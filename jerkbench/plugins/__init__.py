@@ -73,7 +73,7 @@ def get(kind: str, name: str) -> type:
 
 
 def left_out(kind: str) -> Mapping[str, str]:
-    """Return an error message for each entry point of ``kind`` that could not be loaded, by its name."""
+    """Return an error message for each entry point of ``kind`` that could not be loaded, by the entry point's name."""
     _of_kind(kind)
     return _left_out[kind]
 
@@ -89,7 +89,7 @@ def is_builtin(cls: type) -> bool:
 
 
 def modules_of_user() -> list[str]:
-    """Return the modules that a new process has to import so that it has the same plugins.
+    """Return the modules that a new process has to import to have the same plugins as this process.
 
     Modules of built-in plugins and of entry points are not included, because every process finds them. The running
     script is not included, because other processes cannot import it.
@@ -125,8 +125,9 @@ def names(kind: str) -> list[str]:
 def create(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the kind decides the contract
     """Create a plugin from a configuration ``{"name": ..., field: value, ...}``.
 
-    OmegaConf converts the values in the same way as Hydra, and resolves references to other values. Numbers and strings
-    that already have the type of their field are not converted, because the conversion is slow.
+    OmegaConf converts the values in the same way as Hydra, and resolves references to other values of the
+    configuration. Numbers and strings that already have the type of their field are not converted, because the
+    conversion is slow.
 
     Raises:
         PluginError: The name or a field is unknown, or a value has the wrong type. The error message names the plugin
@@ -156,7 +157,7 @@ def create(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the k
 
 
 def _fits(value: object, hint: object) -> bool:
-    """Return whether a value needs no conversion for a field of this type, apart from int to float."""
+    """Return whether a value fits a field of this type without a conversion other than from int to float."""
     if type(value) is str:
         return hint is str and value != REQUIRED
     return hint in (bool, int, float) and (type(value) is hint or (hint is float and type(value) is int))
@@ -164,7 +165,7 @@ def _fits(value: object, hint: object) -> bool:
 
 @cache
 def _defaults(cls: type) -> dict[str, str]:
-    """Return the default of each field as text (`repr`)."""
+    """Return the `repr` of the default value of each field."""
     return {f.name: repr(_default(f)) for f in dataclasses.fields(cls)}
 
 
@@ -269,7 +270,7 @@ def _as_lists(value: Any) -> Any:  # noqa: ANN401 - a field's value
 
 
 def _fit(value: Any, hint: Any) -> Any:  # noqa: ANN401 - a field's value and its type hint
-    """Convert a list to a tuple if the type of the field is a tuple, and an integer to float if the type is float."""
+    """Convert a list to a tuple if the field is a tuple, and an integer to float if the field is a float."""
     if typing.get_origin(hint) is not tuple:
         return float(value) if hint is float else value
     if not isinstance(value, list):
@@ -302,7 +303,7 @@ NOT_OURS = ("builtins", "typing", "jerkbench.contracts")
 """Modules of base classes whose members are not checked."""
 
 READABLE = ("attitude", "updates")
-"""Parts of an estimate that may be the value of ``reads`` of a metric."""
+"""Optional parts of an estimate. The attribute ``reads`` of a metric may name one of these parts."""
 
 PARAMETERS = (bool, int, float, str, tuple)
 """Types that the value of a parameter may have."""
@@ -315,7 +316,7 @@ MISSPELT = 0.8
 
 
 def missing_member(kind: str, plugin: object) -> str:
-    """Return a message about the first required member that a plugin does not have, or an empty string."""
+    """Return a message about the first required member that a plugin lacks, or an empty string if none is missing."""
     cls, sort = type(plugin).__name__, kind
     if kind == "filter":
         if not (hasattr(plugin, "axis_model") or hasattr(plugin, "estimate")):

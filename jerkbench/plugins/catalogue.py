@@ -24,9 +24,9 @@ class CatalogueEntry(NamedTuple):
     Attributes:
         name: Name of the plugin or preset on the command line.
         summary: Description of the plugin or preset in one line.
-        preset: True for a preset (a file), False for a plugin (a class).
+        preset: True for a preset, which is a file, and False for a plugin, which is a class.
         package: Name of the package that defines the plugin.
-        provenance: Provenance of a method: "published", "simplified" or "own".
+        provenance: Provenance of a method ("published", "simplified" or "own"), or an empty string if not declared.
     """
 
     name: str
@@ -45,7 +45,7 @@ class CatalogueEntry(NamedTuple):
 
 
 def requested_kinds(kind: str | None) -> tuple[str, ...]:
-    """Return ``kind``, or all kinds if it is None.
+    """Return a tuple with only ``kind``, or with all kinds if ``kind`` is None.
 
     Raises:
         PluginError: The kind is unknown.
@@ -60,7 +60,7 @@ def kind_of(name: str) -> str:
     """Return the kind of the plugin or preset ``name``.
 
     Raises:
-        PluginError: The name is unknown, or it exists in several kinds.
+        PluginError: The name is unknown, is the name of a kind, or exists in several kinds.
     """
     kinds = requested_kinds(None)
     names = {kind: {*(plugins.names(kind) if kind in plugins.KINDS else ()), *preset_files(kind)} for kind in kinds}
@@ -173,7 +173,7 @@ def home(cls: type) -> str:
 
 
 def listed_json(kind: str | None = None) -> dict[str, list[dict[str, Any]]]:
-    """Return the fields of the catalogue entries by kind, for all kinds or for one kind.
+    """Return the catalogue entries as dictionaries, by kind, for all kinds or for one kind.
 
     Raises:
         PluginError: The kind is unknown.
@@ -182,7 +182,7 @@ def listed_json(kind: str | None = None) -> dict[str, list[dict[str, Any]]]:
 
 
 def shown_json(kind: str, name: str) -> dict[str, Any]:
-    """Return the documentation and the parameters of a plugin, or the unresolved values of a preset.
+    """Return the documentation and the parameters of a plugin, or the values of a preset without resolved references.
 
     Raises:
         PluginError: The name is unknown.
@@ -193,14 +193,14 @@ def shown_json(kind: str, name: str) -> dict[str, Any]:
         from omegaconf import OmegaConf
 
         values = json.dumps(OmegaConf.to_container(OmegaConf.load(presets[name])))
-        return {**head, "values": json.loads(values, parse_constant=str)}  # infinity, which JSON lacks, becomes text
+        return {**head, "values": json.loads(values, parse_constant=str)}  # text replaces infinity, which JSON lacks
     cls = plugin_class(kind, name)
     known = {"provenance": dataclasses.asdict(known)} if (known := provenance_of(cls)) else {}
     return {**head, **known, "docstrings": docstrings(cls), "parameters": _parameters(cls), "defined_in": home(cls)}
 
 
 def _parameters(cls: type) -> list[dict[str, Any]]:
-    """Return the name, type, default, origin and range of each parameter of a plugin. Missing entries are left out."""
+    """Return the name, type, default, origin and range of each parameter of a plugin, without undefined entries."""
     origins, types, missing = origins_of(cls), typing.get_type_hints(cls), dataclasses.MISSING
     ranges = {name: dataclasses.asdict(bounds) for name, bounds in ranges_of(cls).items()}
     parameters = []

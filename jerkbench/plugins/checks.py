@@ -1,8 +1,9 @@
 """Checks of plugins: checks of the class, which are the same for all kinds, and checks of the methods of each kind.
 
-A thorough check (`jerkbench check`, `jerkbench.testing`) calls a plugin with all samples. The check before a run
-(`complaint`) uses the same functions with shorter samples. The check before a run takes some hundredths of a second,
-and finds only faults that would lead to plausible but wrong results.
+A thorough check (`jerkbench check`, `jerkbench.testing`) calls the methods of a plugin with all samples of
+`jerkbench.plugins.samples`. The check before a run (`complaint`) uses the same functions with shorter samples. The
+check before a run takes some hundredths of a second, and finds only faults with which a run would give plausible but
+wrong results.
 """
 
 import copy
@@ -45,17 +46,17 @@ T = TypeVar("T")
 
 
 class Unfit(AssertionError):  # noqa: N818 - pytest prints the message of an assertion in the clearest form
-    """Raised if a plugin does not satisfy its contract. Other assertion errors are raised by the plugin itself."""
+    """Raised if a plugin does not satisfy its contract. Other assertion errors come from the code of the plugin."""
 
 
 def require_that(ok: object, message: str) -> None:
-    """Raise `Unfit` unless ``ok`` is true. Unlike `assert`, this function also works with ``python -O``."""
+    """Raise `Unfit` if ``ok`` is false. Unlike `assert`, this function also works with ``python -O``."""
     if not ok:
         raise Unfit(message)
 
 
 def pure_result(kind: type[T], subject: str, call: Callable[..., Any], *arguments: Any) -> T:  # noqa: ANN401 - as above
-    """Call a function twice, check that the call is repeatable and has no side effects, and return the result."""
+    """Call a function twice, check the type of its result, repeatability and side effects, and return the result."""
     before, random = copy.deepcopy(arguments), pickle.dumps(np.random.get_state())  # noqa: NPY002 - only compared
     first, second = call(*arguments), call(*arguments)
     require_that(identical(before, arguments), f"{subject} changes its input in place; it must work on a copy.")
@@ -68,7 +69,7 @@ def pure_result(kind: type[T], subject: str, call: Callable[..., Any], *argument
 
 
 def require_array(subject: str, array: Any, shape: tuple[int, ...], *, finite: bool = True) -> None:  # noqa: ANN401
-    """Raise `Unfit` unless ``array`` is a float64 array of this shape, with only finite values if ``finite`` is set."""
+    """Raise `Unfit` if ``array`` is not a float64 array of this shape, or is not finite although ``finite`` is set."""
     require_that(isinstance(array, np.ndarray), f"{subject} is a {type(array).__name__}; it must be a NumPy array.")
     require_that(array.dtype == np.float64, f"{subject} has the type {array.dtype}; it must be float64.")
     require_that(array.shape == shape, f"{subject} has shape {array.shape}; it must be {shape}.")
@@ -76,9 +77,9 @@ def require_array(subject: str, array: Any, shape: tuple[int, ...], *, finite: b
 
 
 def require_covariance(subject: str, matrix: FloatArray) -> None:
-    """Raise `Unfit` unless ``matrix`` is finite, symmetric and positive semidefinite."""
+    """Raise `Unfit` if ``matrix`` is not finite, symmetric and positive semidefinite."""
     require_array(subject, matrix, (len(matrix), len(matrix)))
-    variances, tolerance = np.diag(matrix), 1e-8  # the tolerance is for a matrix that is scaled to a unit diagonal
+    variances, tolerance = np.diag(matrix), 1e-8  # tolerance for a matrix that is scaled to a unit diagonal
     require_that((variances >= 0).all(), f"{subject} has a negative variance, {variances.min(initial=0.0):.3g}.")
     sigma = np.sqrt(np.where(variances > 0, variances, 1.0))
     scaled = matrix / np.outer(sigma, sigma)
@@ -154,7 +155,7 @@ def _pickle_problem(plugin: Plugin) -> str:
 
 
 def check_dataset(plugin: Plugin, *, thorough: bool = True) -> None:
-    """Check that a data set loads repeatable recordings and that ``seeded`` is correct, if ``thorough`` is set."""
+    """Check the members of a data set, and if ``thorough`` is set, also its repeatability and its ``seeded``."""
     subject = require_members("dataset", plugin)
     if not thorough:
         return
@@ -168,7 +169,7 @@ def check_dataset(plugin: Plugin, *, thorough: bool = True) -> None:
 
 
 def check_disturbance(plugin: Plugin, *, thorough: bool = True) -> None:
-    """Check that a disturbance is repeatable and pure, and that ``seeded`` and `replicates` are correct."""
+    """Check that a disturbance is repeatable, has no side effects, and has a correct ``seeded`` and `replicates`."""
     subject, n = require_members("disturbance", plugin), plugin.replicates()
     valid = not thorough or (isinstance(n, int) and n >= 1)
     require_that(valid, f"{subject}.replicates() is {n!r}; it must be an integer, at least 1.")
@@ -209,7 +210,7 @@ def check_attitude(plugin: Plugin, *, thorough: bool = True) -> None:
 # Kinematic filters.
 
 INTERVALS_S = ((0.01, 0.01), (0.01 / 3.0, 0.01), (0.004, 0.004), (0.02, 0.02))
-"""Pairs of dt and dt0 [s]: complete samples, and a divided sample."""
+"""Pairs of the step length dt and the sampling interval dt0 [s]: complete samples, and a divided sample."""
 
 
 def check_filter(plugin: Plugin, *, thorough: bool = True) -> None:
@@ -242,7 +243,7 @@ def _check_model(subject: str, plugin: Filter, n: int, interval_s: tuple[float, 
 
 
 def _check_instant(subject: str, plugin: Filter) -> None:
-    """Check that a step of 1 ns hardly changes the state, as measurements may divide samples into short steps."""
+    """Check that a step of 1 ns hardly changes the state, because measurements may divide samples into short steps."""
     A, b, Q = plugin.axis_model(1e-9, 0.01)
     _, b0, Q0 = plugin.axis_model(0.01, 0.01)
     small = (np.abs(b) <= 1e-4 * np.abs(b0)).all() and (np.diag(Q) <= 1e-4 * np.diag(Q0)).all()
@@ -267,8 +268,8 @@ def _check_estimate(subject: str, estimate: Estimate) -> None:
 # Estimators.
 
 AGREEMENT_M, AGREEMENT = 1e-6, 1e-6
-"""Tolerances: for positions [m] and velocities [m/s], and relative tolerance for sums and for covariances, where the
-difference of P_ij is relative to sqrt(P_ii P_jj)."""
+"""Tolerance for positions [m] and velocities [m/s], and relative tolerance for sums and for covariances. A difference
+of P_ij is relative to sqrt(P_ii P_jj)."""
 
 BURN_IN_S = 0.5
 
@@ -301,7 +302,7 @@ def _check_agreement(subject: str, got: Estimate, wanted: Estimate, reference: s
 def _check_sums(
     subject: str, plugin: Batched, recording: Recording, attitude: Attitude, adaptation: Adaptation, wanted: Estimate
 ) -> None:
-    """Compare the sums of two batched runs, which diverge because of a low limit, with the sums over a trajectory."""
+    """Compare the sums of two batched runs with the sums over a trajectory, with a limit at which both runs diverge."""
     timeline = build_timeline(recording, attitude)
     limit_m = 0.5 * largest_norm(position_error_m(wanted, recording))
     reference = prepare_reference(recording, timeline, BURN_IN_S, limit_m)
@@ -396,7 +397,7 @@ def _untouched(subject: str, method: Callable[..., Any], inputs: dict[str, Any],
 
 
 def check_metric(plugin: Plugin, *, thorough: bool = True) -> None:
-    """Check `summarise` and the values of a metric for a small run in which all, few or no rows are scored."""
+    """Check the values of a metric, and its `summarise`, for a small run of which all, few or no rows are scored."""
     subject = require_members("metric", plugin)
     recording, timeline = samples.small_timeline(DURATION_S[thorough])
     estimate = _reference_run(timeline, _builtin("filter", "baseline"))
@@ -436,7 +437,7 @@ def check_plugin(kind: str, plugin: Plugin) -> None:
 
 
 def problem(kind: str, plugin: Plugin, *, thorough: bool = True) -> str:
-    """Return the first problem of the methods of ``plugin``, or an empty string. Other exceptions are raised."""
+    """Return the first problem of the methods of ``plugin``, or an empty string. Other exceptions are not caught."""
     try:
         CHECKS[kind](plugin, thorough=thorough)
     except Unfit as error:
@@ -449,7 +450,7 @@ def problem(kind: str, plugin: Plugin, *, thorough: bool = True) -> str:
 
 
 def complaint(kind: str, plugin: Hashable) -> str:
-    """Return the first problem that a short check before a run finds, or an empty string."""
+    """Return the first problem that the short check before a run finds, or an empty string if it finds no problem."""
     return _hash_problem(plugin) or _complaint(kind, plugin)
 
 

@@ -1,4 +1,4 @@
-"""Tools for authors of plugins, which create a new package from templates, and check the plugins of a package."""
+"""Tools for authors of plugins, which create a new package from templates or check the plugins of a package."""
 
 import dataclasses
 import importlib.util
@@ -27,7 +27,7 @@ SOURCES = ("", "src")
 
 
 def entry_points_of(package: str) -> list[EntryPoint]:
-    """Return the entry points of the plugins in a folder with a pyproject.toml, in a distribution or in a module.
+    """Return the entry points of the plugins in a package: a folder with a pyproject.toml, a distribution or a module.
 
     Raises:
         PluginError: The package is unknown, or it has no plugin.
@@ -62,7 +62,7 @@ def _of_folder(folder: Path) -> Iterator[EntryPoint]:
 
 
 def _of_module(module: str) -> list[EntryPoint]:
-    """Return the entry points that refer to a module, or otherwise the plugins that the module registers."""
+    """Return the entry points that refer to a module, or without any, the plugins that the module registers."""
 
     def inside(entries: Iterable[EntryPoint]) -> list[EntryPoint]:
         return [entry for entry in entries if f"{entry.module}.".startswith(f"{module}.")]
@@ -80,10 +80,10 @@ def _of_module(module: str) -> list[EntryPoint]:
 
 
 def check_package(package: str) -> list[JunitCase]:
-    """Check every plugin of a folder, a distribution or a module.
+    """Check every plugin of a package: a folder, a distribution or a module.
 
-    A failure means that the plugin cannot run or that its results are wrong. A note means that the plugin runs, but
-    slowly or unchecked.
+    A failure means that the plugin cannot run or that its results are wrong. A note means that the plugin runs slowly
+    or could not be checked.
 
     Raises:
         PluginError: The package is unknown, or it has no plugin.
@@ -114,7 +114,7 @@ def _findings(kind: str, entry: EntryPoint) -> tuple[list[str], list[str]]:
         return [f"{cls.__name__} raises {reason_of(error)}."], []
     if errors or kind != "adaptation":
         return errors, []
-    from jerkbench.kinematic.rules import obstacle  # this slow import takes half a second
+    from jerkbench.kinematic.rules import obstacle  # importing this module takes half a second
 
     slow = f"{cls.__name__} cannot be compiled and runs on the engine filterpy, many times slower"
     return [], [f"{slow}: {reason}"] if (reason := obstacle(plugin)) else []
@@ -146,7 +146,7 @@ def write_package(kind: str, name: str, folder: Path) -> list[Path]:
     """Write a package with one plugin, and return the paths of its files.
 
     Args:
-        kind: Kind of the plugin, or ``estimator``.
+        kind: Kind of the plugin, or ``estimator`` for a filter that processes complete recordings.
         name: Name of the plugin and of its module.
         folder: Folder of the package, which must not exist or must be empty.
 

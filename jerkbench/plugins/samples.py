@@ -1,4 +1,4 @@
-"""Inputs for the checks of plugins: a small recording with all kinds of measurements, and various updates."""
+"""Inputs for the checks of plugins: a small recording with all kinds of measurements, and updates for adaptations."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -24,7 +24,7 @@ def small_recording(duration_s: float = 24.0) -> Recording:
     enu, velocity, euler, specific_force, gyro = _circle(t)
     true_position, true_velocity, true_euler, _, _ = _circle(fix)
     p = true_position + 0.02 * noise.normal(size=(len(fix), 3))
-    p[len(fix) // 2, 2] = np.nan  # one row is missing
+    p[len(fix) // 2, 2] = np.nan  # one height is missing
     return Recording(
         name="conformance",
         imu=Imu(t, specific_force + 0.02 * noise.normal(size=(len(t), 3)), gyro + 1e-3 * noise.normal(size=gyro.shape)),
@@ -39,7 +39,7 @@ def small_recording(duration_s: float = 24.0) -> Recording:
 
 
 def true_attitude(recording: Recording) -> Attitude:
-    """Return the attitude of the reference, with the acceleration from this attitude and the accelerometer."""
+    """Return the attitude of the reference, and the ENU acceleration from this attitude and the accelerometer."""
     euler = np.asarray(recording.reference.euler_rad)
     dcm = dcm_from_euler(euler)
     u = np.einsum("nij,nj->ni", dcm, recording.inertial.accel_mps2) - [0.0, 0.0, GRAVITY_MPS2]
@@ -47,7 +47,7 @@ def true_attitude(recording: Recording) -> Attitude:
 
 
 def small_timeline(duration_s: float = 24.0) -> tuple[Recording, Timeline]:
-    """Return the small recording and its timeline, which uses the attitude of the reference."""
+    """Return the small recording, and its timeline, which is computed with the attitude of the reference."""
     recording = small_recording(duration_s)
     return recording, build_timeline(recording, true_attitude(recording))
 
@@ -80,13 +80,13 @@ ROWS = ((0, 1, 2, 3, 4, 5), (0, 1, 2), (3, 4, 5), (4,), (2,), (0, 1, 4))
 """Rows of z that are measured in an update."""
 
 COVARIANCE_SCALES = ((1.0, 1.0), (1.0, 1e-6), (1e-4, 1e12), (1e6, 1e-6))
-"""Factors on H P- H' and on R: both normal, tiny R, almost infinite R, almost unknown prior."""
+"""Pairs of factors on P- and on R: both normal, tiny R, almost infinite R, almost unknown prior."""
 
 TRIED_STATES = 9
 """Number of states of the filter: three states for each of three axes."""
 
 TRIED_SIGMAS = (0.0, 1.0, 1.0, 100.0)
-"""Magnitudes of the innovation in standard deviations. The last one is an outlier."""
+"""Magnitudes of the innovation in standard deviations. The last magnitude is an outlier."""
 
 
 class TriedUpdate(NamedTuple):
@@ -102,7 +102,7 @@ class TriedUpdate(NamedTuple):
 
 
 def tried_updates(*, thorough: bool) -> Iterator[TriedUpdate]:
-    """Yield sample updates. If ``thorough`` is set, some of them have extreme covariances or are a long series."""
+    """Yield sample updates, and if ``thorough`` is set, also updates with extreme covariances and a long series."""
     random = stream(0, "conformance", "adaptation")
     for scales in COVARIANCE_SCALES if thorough else COVARIANCE_SCALES[:1]:
         for sigma in TRIED_SIGMAS:

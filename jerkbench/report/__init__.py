@@ -1,6 +1,7 @@
 """Tables, figures and the HTML report of a study.
 
-This module contains only the choice of figures, so that the command line can read it without importing Matplotlib.
+This module defines only the option ``figures``, so that the command line can read the option without importing
+Matplotlib.
 """
 
 from enum import StrEnum
@@ -9,7 +10,7 @@ from jerkbench.errors import PluginError, unknown
 
 
 class Choice(StrEnum):
-    """The scenarios whose runs are drawn in figures.
+    """The values of the option ``figures``, which selects the scenarios whose runs are drawn.
 
     Attributes:
         FEW: draw only scenarios and methods with significant differences.
@@ -27,10 +28,12 @@ SWITCHES = {"true": Choice.ALL, "false": Choice.NONE}
 
 
 def figures_choice(text: str) -> Choice:
-    """Parse ``few``, ``all`` or ``none``. The former values ``true`` and ``false`` mean ``all`` and ``none``.
+    """Convert the text ``few``, ``all`` or ``none`` to a `Choice`.
+
+    The old values ``true`` and ``false`` are still accepted, and mean ``all`` and ``none``.
 
     Raises:
-        PluginError: the text is not one of these values.
+        PluginError: the text is not a valid value of the option.
     """
     name = text.strip().lower()
     if name in SWITCHES:

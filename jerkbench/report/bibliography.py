@@ -21,7 +21,7 @@ PACKAGE_CITATION = "CITATION.cff"
 
 
 def entries_of(specifications: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Return the BibTeX entries of this package and of the sources of all plugins that the jobs of a study use."""
+    """Return BibTeX entries of jerkbench, and of the papers that describe the plugins of a study."""
     used: dict[type, str] = {}
     for specification in specifications:
         for kind, name in _plugins(specification):
@@ -33,7 +33,7 @@ def entries_of(specifications: Iterable[Mapping[str, Any]]) -> list[str]:
 
 
 def merged(used: Mapping[type, str]) -> Iterator[str]:
-    """Yield the BibTeX entries of plugins. If several plugins have the same source, its entry lists them."""
+    """Yield the BibTeX entries of plugins. Plugins with the same source have one entry, which lists the plugins."""
     sources: dict[str, tuple[str, list[str]]] = {}
     for cls, title in used.items():
         if hasattr(cls, "citations"):
@@ -44,12 +44,12 @@ def merged(used: Mapping[type, str]) -> Iterator[str]:
 
 
 def entry(doi: str, before: str, titles: Iterable[str]) -> str:
-    """Return the BibTeX entry of a source.
+    """Return the BibTeX entry of one source (a paper with a DOI).
 
     Args:
         doi: DOI of the source.
         before: text before the DOI in the docstring, with the authors, the title in quotation marks, and the year.
-        titles: names of the plugins with this source.
+        titles: names of the plugins that implement the method of this source.
     """
     read = TITLED.search(before) or UNTITLED.search(before)
     known = {name: text for name, text in (read.groupdict() if read else {}).items() if text}
@@ -84,14 +84,17 @@ def _plugins(spec: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _sources(cls: type) -> Iterator[tuple[str, str]]:
-    """Yield each DOI in the docstrings of a plugin and its base classes, with the text before the DOI."""
+    """Yield each DOI in the docstrings of a plugin and its base classes, and the text that precedes the DOI."""
     for owner in (base for base in cls.__mro__ if base is not object and base.__doc__):
         text = " ".join(inspect.cleandoc(owner.__doc__ or "").split())
         yield from ((doi[1], text[: doi.start()]) for doi in DOI.finditer(text))
 
 
 def _authors(text: str) -> str:
-    """Return the names of authors separated by "and". Text before the first initial is ignored."""
+    """Return the authors in a reference as BibTeX expects them: names separated by "and".
+
+    Text before the first initial of an author is ignored.
+    """
     initial = INITIAL.search(text)
     names = re.split(r",? and |, (?=[A-Z]\.)" if initial else r",? and |, ", text[initial.start() if initial else 0 :])
     return " and ".join(name.strip() for name in names)

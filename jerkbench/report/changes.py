@@ -1,4 +1,4 @@
-"""Comparison of two studies: the selected parts, the changes of a metric, the gate for CI, and the output formats."""
+"""Comparison of two studies: selection of combinations, changes of a metric, gate for CI, and output formats."""
 
 import json
 import math
@@ -39,18 +39,19 @@ _Name = TypeVar("_Name")
 _Value = TypeVar("_Value")
 
 SINGLE_RUN_LIMIT = 10.0
-"""The gate fails if the error of any run increases by more than this factor from the first to the second set."""
+"""The gate for continuous integration fails if the error of any run increases by more than this factor."""
 
 
 class Change(NamedTuple):
-    """The change of one combination between two sets of results.
+    """The change of the metric of one combination from a first to a second set of results.
 
     Attributes:
         first: runs of the first set. If the two sets have common seeds, ``first`` contains only the runs with these
             seeds.
-        second: runs of the second set, reduced to the common seeds in the same way.
-        judgement: comparison of the second set with the first, corrected for the number of combinations. The verdict is
-            undecided if the two sets have no common seed.
+        second: runs of the second set. If the two sets have common seeds, ``second`` contains only the runs with these
+            seeds.
+        judgement: statistical comparison of the second set with the first set, corrected for the number of
+            combinations. Without common seeds, the verdict is undecided.
         rule: margin and level of the verdict.
         paired: whether the two sets have common seeds.
         absent: number of seeds of the first set that are missing in the second set, or 0 if the sets have no common
@@ -66,7 +67,10 @@ class Change(NamedTuple):
 
     @property
     def values(self) -> tuple[FloatArray, FloatArray]:
-        """The metric of each run in the first and in the second set, or NaN for runs that diverged or failed."""
+        """The values of the metric in the first and in the second set.
+
+        The value of a run that diverged or failed is NaN.
+        """
         first, second = (np.where(runs.failed, np.nan, runs.errors) for runs in (self.first, self.second))
         return first, second
 
@@ -82,13 +86,13 @@ class Change(NamedTuple):
 
     @property
     def same(self) -> bool:
-        """True if the runs have the same seeds, the same values, and the same failures in both sets."""
+        """True if both sets contain the same seeds, with the same values and the same failed runs."""
         failed = self.first.failed, self.second.failed
         return self.paired and np.array_equal(*self.values, equal_nan=True) and np.array_equal(*failed)
 
     @property
     def common(self) -> int:
-        """The number of seeds for which both sets have a value."""
+        """The number of seeds for which both sets have a finite value of the metric."""
         first, second = map(np.isfinite, self.values)
         return int(sum(first & second)) if self.paired else 0
 
@@ -99,11 +103,11 @@ class Change(NamedTuple):
         return (second > first) & (first <= 0) if self.paired else np.zeros(0, dtype=bool)
 
     def failures(self, percent: float) -> list[str]:
-        """Return the reasons why the second set fails a gate that allows an increase by ``percent``.
+        """Return the reasons why the second set fails a gate that allows the metric to increase by ``percent`` percent.
 
-        The runs of both sets have the same seeds, so any difference is an effect of the changed code, and no
-        statistical test is needed. The improvement of each run is limited to a factor of `SINGLE_RUN_LIMIT` in the
-        geometric mean. A single run therefore does not compensate increases in all other runs.
+        No statistical test is needed: the runs of both sets have the same seeds, so any difference is an effect of the
+        changed code. In the geometric mean, the improvement of each run is limited to a factor of `SINGLE_RUN_LIMIT`.
+        Therefore, a large improvement in a single run cannot compensate increases in all other runs.
         """
         if not self.paired:
             return []
@@ -141,7 +145,7 @@ class Change(NamedTuple):
 
     @property
     def unjudged(self) -> str:
-        """The reason why a gate cannot judge the second set, or an empty text if the gate can judge it."""
+        """The reason why the gate cannot compare the two sets, or an empty text if the gate can compare the sets."""
         if not self.paired:
             return "A and B have no seed in common"
         if self.absent:
@@ -150,7 +154,7 @@ class Change(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """The verdict on the second set against the first, as a short text."""
+        """Short text with the verdict of the comparison of the second set with the first set."""
         if self.same:
             return "identical"
         if not self.paired:
@@ -167,7 +171,7 @@ class Change(NamedTuple):
 
     @property
     def failure_rates(self) -> str:
-        """The failure rates and their bounds as text, empty for phases and if no seed has a value in both sets."""
+        """Text with the failure rates and their bounds, or an empty text for phases and without common values."""
         return "" if self.first.phases or not self.judgement.n else self.judgement.failure_rates
 
 
@@ -177,7 +181,7 @@ def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: Ve
     If each set has only one combination, these two combinations are compared even if their factors differ.
 
     Raises:
-        JerkbenchError: the sets have no common combination, or the lowest value of the metric is not the best.
+        JerkbenchError: the sets have no common combination, or lower values of the metric are not better.
     """
     if not quantity(metric).lowest_is_best:
         raise JerkbenchError(f"{metric} cannot be compared, because lower is not better; compare another metric.")
@@ -191,7 +195,7 @@ def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: Ve
 
 
 def common_pairs(first: Mapping[_Name, _Value], second: Mapping[_Name, _Value]) -> list[tuple[_Name, _Value, _Value]]:
-    """Return the common names of two mappings with their values in both.
+    """Return a tuple (name, first value, second value) for each name that two mappings have in common.
 
     If each mapping has only one name, these two names are paired even if they differ.
     """
@@ -208,7 +212,7 @@ def _change(two: tuple[MethodRuns, MethodRuns], judgement: Judgement, rule: Verd
 
 
 def change_rows(changed: Sequence[Change], varying: Sequence[str]) -> list[list[str]]:
-    """Return a row of texts for each change: factors, both means, ratio, interval, failure rates and verdict."""
+    """Return a table row for each change: factors, both means, their ratio and its interval, failure rates, verdict."""
     rows = []
     for change in changed:
         judgement, texts = change.judgement, [getattr(change.first.combination, key) for key in varying]
@@ -224,14 +228,14 @@ def change_rows(changed: Sequence[Change], varying: Sequence[str]) -> list[list[
 
 
 def _average(values: FloatArray) -> float:
-    """Return the geometric mean of the finite values, or the arithmetic mean if any of these values is not positive."""
+    """Return the geometric mean of the finite values. If a value is not positive, return the arithmetic mean."""
     known = values[np.isfinite(values)]
     if len(known) == 0:
         return math.nan
     return float(np.exp(np.mean(np.log(known)))) if (known > 0).all() else float(np.mean(known))
 
 
-# Notes below the table of a comparison: about the test.
+# Notes about the significance test, which are printed below the table of a comparison.
 
 ON_THE_SAME = (
     "On the same seeds: at most 5 % of such sets have any wrong verdict (largest studentised mean log ratio of "
@@ -241,7 +245,7 @@ NO_COMMON_SEED = "Without a verdict, because A and B have no common seed ({count
 
 
 def notes_of_tests(changed: Iterable[Change]) -> list[str]:
-    """Return notes about the significance test, and about combinations that are not tested for lack of common seeds."""
+    """Return notes about the significance test, and about combinations without common seeds, which are not tested."""
     paired = [change.paired for change in changed if not change.first.phases]
     counts = ((ON_THE_SAME, sum(paired)), (NO_COMMON_SEED, len(paired) - sum(paired)))
     return [note.format(count=count) for note, count in counts if count]
@@ -254,13 +258,12 @@ class StudyComparison(NamedTuple):
     """A comparison of two studies in one metric.
 
     Attributes:
-        metric: column that was compared.
+        metric: column of the metric that was compared.
         changes: change of the metric for each combination.
-        varying: factors in which the combinations differ.
+        varying: factors in which the compared combinations differ from each other.
         notes: notes below the table.
-        allowed: limit of the gate: maximum increase of the metric [%]. If no maximum increase was requested,
-            ``allowed`` is None.
-        failed: whether the gate fails, because a combination is worse than allowed or cannot be judged.
+        allowed: maximum increase of the metric [%] with which the gate passes, or None for a comparison without a gate.
+        failed: whether the gate fails, because a combination is worse than allowed or cannot be compared.
     """
 
     metric: str
@@ -272,7 +275,7 @@ class StudyComparison(NamedTuple):
 
     @property
     def failures(self) -> list[list[str]]:
-        """For each combination, the reasons why it fails the gate. The list of a combination that passes is empty."""
+        """For each combination, the list of reasons why it fails the gate, which is empty if the combination passes."""
         return [[] if self.allowed is None else change.failures(self.allowed) for change in self.changes]
 
     @property
@@ -347,20 +350,23 @@ def _cases(comparison: StudyComparison) -> Iterator[JunitCase]:
         yield JunitCase(comparison.metric, name, tuple(said), () if said else (summary,))
 
 
-# Selection of the parts of two studies to compare, as on the command line (``results/a:jerk+mtf``).
+# Selection of the combinations to compare by an argument of the command line (``results/a:jerk+mtf``).
 
 COMPARED = tuple(part for part in LABELLED_PARTS if part not in DECIDING_SCORES)
 """Parts whose parameters may differ between two studies that are compared."""
 
 
 def named_study(argument: str) -> tuple[Path, Mapping[str, str]]:
-    """Parse ``FOLDER`` or ``FOLDER:FILTER+ADAPTATION+NOISE``. A part ``FACTOR=VALUE`` selects a value of any factor.
+    """Parse ``FOLDER`` or ``FOLDER:FILTER+ADAPTATION+NOISE``.
+
+    A part ``FACTOR=VALUE`` after the colon selects a value of any factor.
 
     Returns:
-        The folder of the study, and the selected value of each factor. An argument without a method selects no values.
+        The folder of the study, and the selected value of each factor. Without a method in the argument, the second
+        value is empty.
 
     Raises:
-        JerkbenchError: a factor is unknown or occurs twice, or the name of the method has too many parts.
+        JerkbenchError: a factor is unknown or occurs twice, or the method consists of too many names.
     """
     folder, colon, method = argument.rpartition(":")
     if not (colon and folder and method) or set(method) & {"/", "\\"} or Path(argument).exists():
@@ -382,7 +388,7 @@ def named_study(argument: str) -> tuple[Path, Mapping[str, str]]:
 
 
 def selected(study: Study, selection: Mapping[str, str]) -> Study:
-    """Return the part of a study with the selected values of factors.
+    """Return the part of a study whose combinations have the selected value of each factor.
 
     Raises:
         JerkbenchError: no combination of the study has all selected values.
@@ -396,15 +402,16 @@ def selected(study: Study, selection: Mapping[str, str]) -> Study:
 
 
 def with_names_of(first: Study, second: Study, selection: Mapping[str, str]) -> tuple[Study, list[str]]:
-    """Return ``second`` with the selected factors renamed as in ``first``, and a note about the renaming.
+    """Return ``second`` with the selected labels replaced by the labels in ``first``, and a note about this change.
 
     Args:
-        first: study whose values of the selected factors are used.
-        second: study whose values of the selected factors are replaced.
-        selection: selected values of factors in either study. If the selection is empty, nothing is renamed.
+        first: study from which the labels of the selected factors are taken.
+        second: study in which the labels of the selected factors are replaced.
+        selection: the factors whose labels are replaced, with the selected values. If ``selection`` is empty, no label
+            is replaced.
 
     Raises:
-        JerkbenchError: a study has several values of a selected factor.
+        JerkbenchError: a study contains more than one value of a selected factor.
     """
     factors = [factor for factor in FACTORS if factor in selection]
     names, second_names = ({factor: _only_value(study, factor) for factor in factors} for study in (first, second))
@@ -424,11 +431,11 @@ def _only_value(study: Study, factor: str) -> str:
 
 
 def require_alike(first: Study, second: Study) -> None:
-    """Check that the common combinations of two studies have the same data, protocol and engine.
+    """Check that the common combinations of two studies were run with the same data, protocol and engine.
 
     Raises:
-        NotComparableError: common combinations differ in their conditions, or a study with mixed conditions has no
-            common combination. The error message lists the differences.
+        NotComparableError: common combinations were run under different conditions, or the studies have no common
+            combination and one study has mixed conditions. The error message lists the differences.
     """
     shared = list(_shared(first, second))
     mixed = [f"In {study.folder}: {difference}" for study in (first, second) for difference in study.unlike]
@@ -446,13 +453,13 @@ def require_alike(first: Study, second: Study) -> None:
 
 
 def other_methods(first: Study, second: Study) -> list[str]:
-    """Return at most one sentence, which lists the parameters that differ between methods of the same name."""
+    """Return a list with a note about parameters that differ between methods of the same name, or an empty list."""
     names = [name for _, a, b in _shared(first, second) for name in differing_conditions(a, b, COMPARED)]
     return [f"A and B differ in {', '.join(dict.fromkeys(names))}."] if names else []
 
 
 def _shared(first: Study, second: Study) -> Iterator[tuple[Combination, Conditions, Conditions]]:
-    """Yield the common combinations of two studies with their conditions in both studies.
+    """Yield each common combination of two studies, with its conditions in the first and in the second study.
 
     If each study has only one combination, these two combinations are paired even if their factors differ.
     """

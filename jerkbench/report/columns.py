@@ -1,4 +1,4 @@
-"""The columns of the rows of a study: metrics with their units, factors, reference methods, and checks."""
+"""The columns in the result rows of a study: metrics with their units, factors, reference methods, and checks."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
@@ -38,22 +38,24 @@ _SPELLINGS = {"rmse": "RMSE", "anees": "ANEES", "anis": "ANIS", "max": "maximum"
 
 
 def declared() -> Mapping[str, Column]:
-    """Return the descriptions of all columns that metrics declare, by the name of the column."""
+    """Return the description of each column that a metric plugin declares, by the name of the column."""
     return _declared(tuple(plugins.get("metric", name) for name in plugins.names("metric")))
 
 
 @cache
 def _declared(metrics: tuple[type, ...]) -> Mapping[str, Column]:
-    """Return the description of each column.
+    """Return the description of each column that one of the ``metrics`` declares.
 
-    If two metrics declare the same column, a builtin metric has precedence.
+    If two metrics declare the same column, the description of the builtin metric is used.
     """
     each = (getattr(metric, "columns", {}) for metric in sorted(metrics, key=plugins.is_builtin))
     return {name: of for columns in each for name, of in columns.items()} | {"step_ns": STEP}
 
 
 def quantity(column: str) -> Column:
-    """Return the description of a column. A title or unit that is not declared is derived from the name of the column.
+    """Return the description of a column.
+
+    A title or unit that no metric declares is derived from the name of the column.
 
     >>> quantity("position_rmse_up_m").heading
     'Position RMSE up [m]'
@@ -65,13 +67,13 @@ def quantity(column: str) -> Column:
     return of._replace(title=of.title or plain[:1].upper() + plain[1:], unit=of.unit or unit)
 
 
-# The layout of a table: each factor of a study defines the rows, defines the columns, or is constant.
+# The layout of a table: each factor of a study (such as filter) defines rows, defines columns, or is constant.
 
 
 FACTORS = Combination._fields
 
 METHOD = ("filter", "adaptation", "noise")
-"""Factors that define a method by default. The other factors define the scenario."""
+"""Factors that define a method by default. All other factors define the scenario."""
 
 MAIN = "position_rmse_m"
 """The default metric of a table."""
@@ -81,17 +83,17 @@ SCENARIO_FACTORS = ("dataset", "disturbance", "attitude")
 
 
 def require_factors(keys: Iterable[str]) -> None:
-    """Check that all ``keys`` are names of factors.
+    """Check that all ``keys`` are names of factors, such as "filter".
 
     Raises:
-        JerkbenchError: a key is not a factor.
+        JerkbenchError: a key is not the name of a factor.
     """
     for key in keys:
         require_known("factor", key, FACTORS, JerkbenchError)
 
 
 def parse_method(text: str) -> tuple[str, ...]:
-    """Parse ``factor,factor``.
+    """Convert a text with comma-separated factors, such as "filter,adaptation", to a tuple.
 
     Raises:
         JerkbenchError: a factor is unknown, or the text is empty.
@@ -108,13 +110,13 @@ def layout(
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the factors that define the rows and the factors that define the columns of a table.
 
-    A varying factor that is not requested becomes a factor of the rows, so that different combinations are never
-    averaged. By default, the columns are the adaptations. If the adaptation is a requested row factor, the columns are
-    the filters. If the attitude varies, but neither the adaptation nor the filter varies, the columns are the
-    attitudes.
+    A varying factor that is not requested becomes a factor of the rows, because the average of different combinations
+    would be meaningless. By default, each adaptation has a column. If the adaptation is a requested row factor, each
+    filter has a column. If the attitude filter varies, but neither the adaptation nor the filter varies, each attitude
+    filter has a column.
 
     Raises:
-        JerkbenchError: a key is not a factor, or a factor is requested twice.
+        JerkbenchError: a key is not the name of a factor, or a factor is requested twice.
     """
     keys = [*(row_keys or ()), *(column_keys or ())]
     require_factors(keys)
@@ -133,14 +135,14 @@ def layout(
 
 
 def numbers_of_rows(rows: "pd.DataFrame", keys: Sequence[str]) -> dict[tuple[str, ...], IntArray]:
-    """Return the row numbers of each combination of values of the factors ``keys``, in order of first appearance."""
+    """Return the row numbers of each combination of labels of the factors ``keys``, in order of first appearance."""
     groups: dict[tuple[str, ...], list[int]] = {}
     for number, key in enumerate(zip(*(rows[key].tolist() for key in keys), strict=True)):
         groups.setdefault(key, []).append(number)
     return {key: np.array(group) for key, group in groups.items()}
 
 
-# Reference methods, which do not compete with the other methods of a study.
+# Reference methods show a bound or a baseline. They do not compete with the other methods of a study.
 
 ORACLE, GNSS_ONLY = "oracle", "gnss_only"
 
@@ -148,11 +150,11 @@ WHY = {"adaptation": {ORACLE: "uses the true covariance"}, "filter": {GNSS_ONLY:
 """For each factor, the labels (without parameters) of reference methods, and the reason why they do not compete."""
 
 REFERENCE_ATTITUDE = "reference"
-"""Label of the attitude taken from the reference. It may define a scenario, but does not compete with estimates."""
+"""Label of the attitude of the reference. This attitude may define a scenario, but does not compete with estimates."""
 
 
 def competes(values: Mapping[str, str]) -> bool:
-    """Return False for a reference method, which does not compete. ``values`` are the labels of some factors.
+    """Return False for a reference method, and True for a method that competes. ``values`` maps factors to labels.
 
     >>> competes({"filter": "jerk", "adaptation": "oracle"})
     False
@@ -161,7 +163,7 @@ def competes(values: Mapping[str, str]) -> bool:
 
 
 def references_note(labels: Mapping[str, set[str]]) -> str:
-    """Return a sentence that lists the reference methods among the labels, or an empty text without such a method."""
+    """Return a sentence that lists the reference methods in ``labels``, or an empty text without such a method."""
     notes = [
         f"{name} ({why})"
         for factor, references in WHY.items()
@@ -175,28 +177,28 @@ def _name(label: str) -> str:
     return label.partition("(")[0]
 
 
-# Rows of runs: the columns with metrics, and checks before a table is created.
+# Result rows of runs: the columns with metrics, and checks before a table is created.
 
 _IDENTITY = (*FACTORS, *RUN_COLUMNS)
 """Columns of a row that are not metrics."""
 
 
 def metric_columns(rows: "pd.DataFrame") -> list[str]:
-    """Return the columns with metrics: numeric columns except labels, run columns and drawn parameters."""
+    """Return the metric columns: numeric columns except labels, run columns and random parameters of a drive."""
     numbers = rows.select_dtypes("number").columns
     return [str(column) for column in numbers if column not in _IDENTITY and not str(column).startswith(DRAWN)]
 
 
 def checked(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
-    """Return a copy of the rows with the factors as text and with the column of the metric (`with_metric`)."""
+    """Return a copy of the rows in which all factors are texts and the column of the metric exists."""
     return with_text_factors(with_metric(rows, metric))
 
 
 def with_metric(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
-    """Return ``rows`` with the column of the metric. If no run has a value, a column of NaN is added.
+    """Return ``rows`` with the column of the metric. If no run succeeded, a missing column is added with NaN.
 
     Raises:
-        JerkbenchError: the metric is a label of the rows, or the metric is unknown although a run succeeded.
+        JerkbenchError: ``metric`` is not a metric column, although at least one run succeeded.
     """
     if metric in metric_columns(rows):
         return rows
@@ -207,7 +209,7 @@ def with_metric(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
 
 
 def with_text_factors(rows: "pd.DataFrame") -> "pd.DataFrame":
-    """Return a copy of the rows with the factors as text.
+    """Return a copy of the rows in which all factors are texts.
 
     Raises:
         JerkbenchError: two rows have the same combination and seed.

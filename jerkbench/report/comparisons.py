@@ -1,4 +1,4 @@
-"""Comparisons of methods on common seeds, the rule for a verdict, and the best methods of each scenario."""
+"""Comparisons of methods on common seeds, the parameters of verdicts, and the best methods of each scenario."""
 
 import math
 from collections import Counter
@@ -42,11 +42,11 @@ class MethodRuns(NamedTuple):
     """The runs of one combination.
 
     Attributes:
-        combination: values of the six factors.
+        combination: labels of the six factors (data set, disturbance, attitude, filter, adaptation, noise).
         seeds: (n,) seeds in ascending order.
-        errors: (n,) value of the metric in each run. The value is infinite if the run diverged or failed.
+        errors: (n,) value of the metric in each run, or infinity for a run that diverged or failed.
         failed: (n,) whether each run diverged or failed.
-        phases: whether the runs are phases of one recording.
+        phases: whether the runs are phases of one recording (different starts of the decimation) instead of seeds.
         floor: smallest difference of the metric that the accuracy of the reference can resolve, or 0 if this accuracy
             is unknown.
     """
@@ -65,13 +65,13 @@ class MethodRuns(NamedTuple):
 
     @property
     def typical(self) -> float:
-        """The root mean square of the errors."""
+        """The root mean square of the errors over all runs."""
         with np.errstate(over="ignore"):
             return float(np.sqrt(np.mean(self.errors**2))) if len(self.errors) else np.nan
 
 
 def runs_by_combination(rows: "pd.DataFrame", metric: str) -> dict[Combination, MethodRuns]:
-    """Return the runs of each combination. The factors in ``rows`` must be text."""
+    """Return the runs of each combination. The columns of the factors in ``rows`` must contain text."""
     errors = np.where(rows["status"] == "ok", rows[metric].to_numpy(dtype=float), np.inf)
     seeds, ok = rows["seed"].to_numpy(), (rows["status"] == "ok").to_numpy()
     phases = (rows["replicate"] == "phase").to_numpy()
@@ -86,24 +86,24 @@ def runs_by_combination(rows: "pd.DataFrame", metric: str) -> dict[Combination, 
 
 
 def on_common_seeds(ours: MethodRuns, theirs: MethodRuns) -> tuple[MethodRuns, MethodRuns]:
-    """Return the runs of two methods, reduced to the seeds that both methods have."""
+    """Return the runs of two methods, restricted to the seeds that both methods have run."""
     if len(ours.seeds) == len(theirs.seeds) and (ours.seeds == theirs.seeds).all():
         return ours, theirs
     _, first, second = np.intersect1d(ours.seeds, theirs.seeds, return_indices=True)
     return ours.only(first), theirs.only(second)
 
 
-# The rule of the verdicts of a study.
+# The parameters of the verdicts of a study: margin and level.
 
 
 @dataclass(frozen=True)
 class VerdictRule:
-    """The parameters of the verdicts of a study, as used by `jerkbench.evaluation.judgement.judged`.
+    """The parameters with which `jerkbench.evaluation.judgement.judged` computes the verdicts of a study.
 
     Attributes:
-        margin: ratios from 1/(1 + margin) to 1 + margin count as equal.
-        level: maximum probability that a study contains any wrong verdict. If seeds are added in blocks, each interim
-            analysis has a smaller level.
+        margin: two methods count as equal if their error ratio is between 1/(1 + margin) and 1 + margin [-].
+        level: maximum probability that a study contains any wrong verdict (family-wise error rate). If seeds are added
+            in blocks, the level of each interim analysis is smaller.
     """
 
     margin: float = MARGIN
@@ -129,7 +129,7 @@ class VerdictRule:
         return f"differ by less than {100 * self.margin:g} %"
 
     def of(self, rows: "pd.DataFrame") -> "VerdictRule":
-        """Return the rule for the rows of a study, whose level is at most the level of the last interim analysis.
+        """Return the rule for a study. The level is at most the level of the last interim analysis of the study.
 
         If seeds were added in blocks, ``rows.attrs`` contains the level of the last interim analysis.
         """
@@ -142,11 +142,11 @@ SPENDS = "level"
 """Key in ``rows.attrs`` of the value of `VerdictRule.level`."""
 
 
-# Baselines: each combination is compared with the combination that differs only in the factors of the baseline.
+# Baselines: a baseline such as adaptation=none selects the combination with which a combination is compared.
 
 
 def parse_baseline(text: str) -> dict[str, str]:
-    """Parse ``factor=value[;factor=value]``. Commas may replace the semicolons if no value contains a comma.
+    """Convert a text ``factor=value[;factor=value]`` to a mapping. Without parentheses, commas may replace semicolons.
 
     Raises:
         JerkbenchError: the text has a different form, or contains an unknown factor.
@@ -165,9 +165,9 @@ def parse_baseline(text: str) -> dict[str, str]:
 def partners(
     combinations: Collection[Combination], baseline: Mapping[str, str]
 ) -> list[tuple[Combination, Combination]]:
-    """Return each combination with its partner, which has the values of ``baseline`` and is equal in all other factors.
+    """Return pairs of a combination and its partner, which differs only in having the values of ``baseline``.
 
-    Combinations without a partner are left out. Combinations that have the values of the baseline are also left out.
+    A combination is left out if its partner does not exist, or if it has the values of the baseline itself.
 
     Raises:
         JerkbenchError: no combination has the values of the baseline.
@@ -192,17 +192,17 @@ class Comparison(NamedTuple):
     """The comparison of two combinations on their common seeds.
 
     Attributes:
-        subject: combination that is compared with the baseline.
-        baseline: combination with which the subject is compared.
-        ratios: log ratios of the metric, the subject divided by the baseline. A failed run counts as worse than all
-            other runs.
+        subject: combination that is compared with ``baseline``.
+        baseline: combination with which ``subject`` is compared.
+        ratios: logarithms of the ratios of the metric (subject divided by baseline), one for each seed. A failed run
+            counts as worse than all other runs.
         failed: number of runs of the subject and of the baseline that diverged or failed.
         runs: number of common seeds.
         phases: whether the runs are phases of one recording instead of seeds.
-        below_floor: whether the difference is smaller than the accuracy of the reference can resolve.
-        judgement: ratio, interval and verdict at the level of the study. For phases of one recording, ``low`` and
-            ``high`` are the smallest and the largest ratio, p is NaN, and the verdict is undecided.
-        family: number of comparisons that are tested together with this comparison.
+        below_floor: whether the difference is too small for the accuracy of the reference trajectory.
+        judgement: ratio, interval and verdict, corrected for all comparisons of the study. For phases of one recording,
+            ``low`` and ``high`` are the smallest and the largest ratio, p is NaN, and the verdict is undecided.
+        family: number of comparisons that are tested together, for which the test is corrected.
         rule: margin and level of the verdict.
     """
 
@@ -219,12 +219,12 @@ class Comparison(NamedTuple):
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict at the level of the study."""
+        """The verdict, corrected for all comparisons of the study."""
         return self.judgement.verdict
 
     @property
     def tested(self) -> bool:
-        """True if the comparison was tested. Phases of one recording are not tested."""
+        """True if the difference was tested for significance. Phases of one recording are not tested."""
         return not self.phases and self.judgement.n > 0
 
     @property
@@ -234,7 +234,7 @@ class Comparison(NamedTuple):
 
     @property
     def swapped(self) -> "Comparison":
-        """The comparison with subject and baseline swapped."""
+        """The same comparison with subject and baseline swapped."""
         ratios, judgement, failed = self.ratios.swapped, self.judgement.swapped, self.failed[::-1]
         return self._replace(
             subject=self.baseline, baseline=self.subject, ratios=ratios, failed=failed, judgement=judgement
@@ -242,12 +242,12 @@ class Comparison(NamedTuple):
 
     @property
     def mark(self) -> str:
-        """The mark "*" (significant difference), "~" (significant, but within the margin), "=" (equal), or empty."""
+        """The mark of the verdict: "*" (significant), "~" (significant but within the margin), "=" (equal) or empty."""
         return "*" if self.shown else {Verdict.EQUAL: "=", Verdict.SMALL: "~"}.get(self.verdict, "")
 
     @property
     def ratio_text(self) -> str:
-        """The ratio as text, empty if a median run failed. The text of a significant ratio always differs from 1."""
+        """Text with the ratio, empty if a median run failed. A significant ratio is never rounded to 1."""
         ratio, differs = self.judgement.ratio, self.shown or self.verdict is Verdict.SMALL
         return "" if not 0 < ratio < math.inf else factor_number(ratio) if differs else number(ratio)
 
@@ -255,7 +255,7 @@ class Comparison(NamedTuple):
     def needed(self) -> int | None:
         """The number of seeds that would decide an undecided comparison.
 
-        The number is None if the comparison is decided, if no number of seeds would decide it, or if runs failed.
+        The value is None if the comparison is decided, if runs failed, or if no number of seeds would be sufficient.
         """
         undecided = self.verdict is Verdict.UNDECIDED and not self.judgement.reason and not self.phases
         if not undecided or not self.ratios.plain or self.ratios.n < 2:
@@ -264,9 +264,10 @@ class Comparison(NamedTuple):
 
 
 def compare_runs(pairs: Iterable[tuple[MethodRuns, MethodRuns]], rule: VerdictRule = RULE) -> list[Comparison]:
-    """Return the comparisons of pairs of methods, tested together as one family.
+    """Return the comparison of each pair of methods. The tests are corrected for the number of all pairs.
 
-    Phases of one recording are not independent, so they are not tested, and get a range instead of an interval.
+    Phases of one recording are not independent. Therefore, phases are not tested, and the range of their ratios is
+    computed instead of a confidence interval.
     """
     common = [on_common_seeds(ours, theirs) for ours, theirs in pairs]
     ratios = [log_ratios(ours.errors, theirs.errors) for ours, theirs in common]
@@ -285,14 +286,17 @@ def compare_runs(pairs: Iterable[tuple[MethodRuns, MethodRuns]], rule: VerdictRu
 
 
 def _of_phases(ratios: LogRatios) -> Judgement:
-    """Return the geometric mean (the median if runs failed) and the range of the ratios of phases, without a test."""
+    """Return the mean and the range of the ratios of phases, without a test.
+
+    If runs failed, the median is returned instead of the geometric mean.
+    """
     (judgement,) = judged([ratios])
     low, high = (float(np.exp(of(ratios.d))) for of in (np.min, np.max)) if ratios.n > 1 else (np.nan, np.nan)
     return judgement._replace(low=low, high=high, p=np.nan, p_failed=np.nan, verdict=Verdict.UNDECIDED, reason="")
 
 
 def family_note(comparisons: Sequence[Comparison]) -> str:
-    """Return the footnote about the marks, the test, the number of undecided comparisons and the failed runs."""
+    """Return the footnote that explains the marks and the test, and counts undecided comparisons and failed runs."""
     tested = [comparison for comparison in comparisons if comparison.tested]
     if not tested:
         return "Differences are not tested: the runs have no seeds."
@@ -312,7 +316,7 @@ def family_note(comparisons: Sequence[Comparison]) -> str:
 
 
 def not_excluded(compared: Iterable[Comparison]) -> str:
-    """Return text with the number of comparisons that only possible rare failures leave undecided, or an empty text."""
+    """Return text with the number of comparisons that are undecided only because rare failures cannot be excluded."""
     near = [one.rule.margin for one in compared if one.judgement.reason == NOT_EXCLUDED]
     if not near:
         return ""
@@ -321,7 +325,7 @@ def not_excluded(compared: Iterable[Comparison]) -> str:
 
 
 def failures_range(judgements: Iterable[Judgement]) -> str:
-    """Return text with the range of the numbers of failed runs, the largest failure bound, and the most outliers."""
+    """Return text with the smallest and largest number of failed runs, a bound of the failure rate, and outliers."""
     judgements = list(judgements)
     failed = {(count, one.n) for one in judgements for count in one.failed}
     counts, sizes = (
@@ -334,12 +338,12 @@ def failures_range(judgements: Iterable[Judgement]) -> str:
 
 
 def leaders_of(rivals: Sequence[Combination], comparisons: Sequence[Comparison]) -> tuple[Combination, ...]:
-    """Return the rivals that are not significantly worse than another rival, or an empty tuple without comparisons."""
+    """Return the methods that are not significantly worse than any other method. Without comparisons, return ()."""
     beaten = {one.baseline if one.verdict in WINS else one.subject for one in comparisons if one.shown}
     return tuple(rival for rival in rivals if rival not in beaten) if comparisons else ()
 
 
-# Scenarios: the best methods of each scenario, and the comparisons of all pairs of methods.
+# The best methods of each scenario, and the comparisons of all pairs of methods in the scenario.
 
 UNTESTED = "Nothing is tested: the runs have no seeds, and phases of one recording are not independent."
 
@@ -351,10 +355,10 @@ class Standing(NamedTuple):
     """The comparisons of the methods in one scenario.
 
     Attributes:
-        scenario: values of the factors that define the scenario and vary in the study.
-        method: names of the factors that define a method and vary in the study.
-        rivals: combinations of this scenario that compete with each other.
-        comparisons: comparisons of all pairs of rivals.
+        scenario: labels of the scenario: values of its factors that vary in the study.
+        method: names of the factors that define a method and that vary in the study, for example ("filter",).
+        rivals: combinations of this scenario (one for each method) that compete with each other.
+        comparisons: comparisons of all pairs of ``rivals``.
     """
 
     scenario: tuple[str, ...]
@@ -369,7 +373,7 @@ class Standing(NamedTuple):
 
     @property
     def decided(self) -> bool:
-        """True if at least one method is significantly worse than another."""
+        """True if at least one method is significantly worse than another method."""
         return 0 < len(self.leaders) < len(self.rivals)
 
     @property
@@ -378,12 +382,12 @@ class Standing(NamedTuple):
         return [pair for pair in self.comparisons if pair.tested]
 
     def name(self, combination: Combination) -> str:
-        """Return the name of a method: its values of the factors ``method``."""
+        """Return the name of a method: its labels of the factors in ``method``, joined by "+"."""
         return "+".join(getattr(combination, key) for key in self.method)
 
 
 def counts_of_verdicts(standings: Sequence[Standing]) -> list[str]:
-    """Return one sentence with the number of pairs for each verdict, or an empty list if no pair was tested."""
+    """Return a list with one sentence that counts the pairs with each verdict, or no sentence without tested pairs."""
     compared = [pair for standing in standings for pair in standing.tested]
     if not compared:
         return []

@@ -1,4 +1,4 @@
-"""The figures of a study with their captions, and the selection of scenarios and methods to draw."""
+"""The figures of a study with their captions, and the selection of the scenarios and methods in the figures."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -37,7 +37,7 @@ Methods = tuple[tuple[str, str], ...]
 
 
 class Drawing(NamedTuple):
-    """A figure with its caption.
+    """A Matplotlib figure with its name and its caption.
 
     Attributes:
         name: name of the figure files, without the extension.
@@ -51,13 +51,13 @@ class Drawing(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """A figure with its caption, as the report contains it.
+    """An encoded figure with its caption, as it is embedded in the report.
 
     Attributes:
         name: name of the figure files, without the extension.
         caption: caption of the figure.
-        scenario: name of the scenario, or an empty text for a figure of all rows.
-        data: data URL of the image.
+        scenario: name of the scenario in the figure, or an empty text for a figure of the complete study.
+        data: the encoded image as a data URL.
         width: width of the image [pixels].
         height: height of the image [pixels].
     """
@@ -71,12 +71,12 @@ class Picture(NamedTuple):
 
 
 def palette_of(rows: "pd.DataFrame") -> Palette:
-    """Return the palette that all figures and the report of a study use."""
+    """Return the colour palette for all figures and for the report of a study."""
     return Palette.of(zip(rows["filter"].astype(str), rows["adaptation"].astype(str), strict=True))
 
 
 def of_rows(rows: "pd.DataFrame", palette: Palette | None = None) -> Iterator[Drawing]:
-    """Yield the figures that are drawn from the rows of a study alone, without repeating runs."""
+    """Yield the figures of a study that need only the stored rows, and no repeated runs."""
     metric, palette = main_metric(rows), palette or palette_of(rows)
     title = quantity(metric).heading
     means = (
@@ -98,7 +98,7 @@ def of_rows(rows: "pd.DataFrame", palette: Palette | None = None) -> Iterator[Dr
 
 
 def _heat_map(rows: "pd.DataFrame", metric: str) -> Iterator[Drawing]:
-    """Yield the heat map if the study has several scenarios and several methods."""
+    """Yield the heat map, if the study has at least two scenarios and at least two methods."""
     varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
     of_scenario, of_method = ([key for key in varying if (key in METHOD) is made_of] for made_of in (False, True))
     if not (of_scenario and of_method):
@@ -114,22 +114,25 @@ def _heat_map(rows: "pd.DataFrame", metric: str) -> Iterator[Drawing]:
 
 
 def telling_scenes(scenes: Mapping[str, Methods]) -> dict[str, Methods]:
-    """Return up to `SCENES` scenarios of `by_difference` with a significant difference, or only its first scenario."""
+    """Return the first `SCENES` scenarios with a significant difference.
+
+    If no difference is significant, return the first scenario.
+    """
     informative = [(name, methods) for name, methods in scenes.items() if methods]
     return dict(informative[:SCENES] or list(scenes.items())[:1])
 
 
 def by_difference(rows: "pd.DataFrame", metric: str, names: Sequence[str]) -> dict[str, Methods]:
-    """Return all scenarios with their significantly different methods, in decreasing order of the difference.
+    """Return all scenarios, sorted by decreasing difference between methods, and the methods that differ significantly.
 
-    The size of a difference is its `certain_size`. Methods are left out if their difference is less than `NOTABLE`
-    times the largest difference in the scenario. Scenarios without a significant difference come last, in the order of
-    ``names``, and have an empty tuple of methods.
+    The function `certain_size` measures the size of a difference. A method is left out if its differences are less than
+    `NOTABLE` times the largest difference in the scenario. Scenarios without a significant difference come last, in the
+    order of ``names``, with an empty tuple of methods.
 
     Args:
         rows: one row for each combination and seed.
         metric: main metric of the study.
-        names: names of the scenarios that can be drawn: data set, disturbance, attitude.
+        names: names of the scenarios that can be drawn, in the form "data set, disturbance, attitude".
     """
     weights: dict[str, float] = {}
     scenes: dict[str, Methods] = {}

@@ -1,4 +1,4 @@
-"""Generated text about a study: its main result, pairs of methods over all scenarios, comparisons with baselines."""
+"""Generated text about a study: its main result, and comparisons of methods with each other and with baselines."""
 
 import math
 from collections import Counter
@@ -21,21 +21,22 @@ _FAILED = f"failed or with over {OUTLIER_FACTOR:g} times the error"
 """Text about the runs that count as failures."""
 
 LOG_RATIO_ALL_FAILED = math.log(100.0)
-"""Size of a difference if all runs of one method and no run of the other method failed. It equals a ratio of 100."""
+"""Size of a difference if all runs of one method and no run of the other method failed. It is equal to the size of an
+error ratio of 100."""
 
 
 def certain_size(judgement: Judgement) -> float:
-    """Return the certain part of a significant difference: the smallest absolute log ratio in the interval.
+    """Return the size of a difference at the end of its confidence interval that is closer to equality (log ratio).
 
-    If the verdict is about failure rates, the result is proportional to the difference of the failure rates. If the
-    difference is not significant, the result is 0.
+    If the methods differ in their failure rates, the result is proportional to the difference of the failure rates. For
+    a difference that is not significant, the result is 0.
     """
     if judgement.verdict in BY_FAILURES:
         return LOG_RATIO_ALL_FAILED * abs(judgement.failures[0] - judgement.failures[1]) / judgement.n
     if judgement.verdict not in {Verdict.BETTER, Verdict.WORSE}:
         return 0.0
     ends = (abs(math.log(end)) for end in (judgement.low, judgement.high) if 0 < end < math.inf)
-    return min(ends, default=LOG_RATIO_ALL_FAILED)  # the median run of one method failed, so no ratio is defined
+    return min(ends, default=LOG_RATIO_ALL_FAILED)  # no ratio is defined if a median run failed
 
 
 def size_text(judgement: Judgement) -> str:
@@ -57,8 +58,8 @@ class MethodPair(NamedTuple):
     Attributes:
         ours: name of the first method.
         theirs: name of the second method.
-        rounds: name of each scenario, and the judgement of the first method against the second method in this scenario.
-            The name of a single scenario is empty.
+        rounds: name of each scenario, and the comparison of the first method with the second method in this scenario.
+            If the study has only one scenario, the name of the scenario is empty.
     """
 
     ours: str
@@ -77,20 +78,20 @@ class MethodPair(NamedTuple):
 
     @property
     def certain_size(self) -> float:
-        """The mean of the function `certain_size` over the scenarios."""
+        """The mean size of the difference over the scenarios, as computed by the function `certain_size`."""
         return sum(certain_size(judgement) for _, judgement in self.rounds) / len(self.rounds)
 
     @property
     def swapped(self) -> "MethodPair":
-        """The pair with the two methods swapped."""
+        """The same comparisons with the first and the second method swapped."""
         return MethodPair(self.theirs, self.ours, tuple((name, judgement.swapped) for name, judgement in self.rounds))
 
 
 def method_pairs(standings: Iterable[Standing]) -> list[MethodPair]:
-    """Return each pair of methods that was tested in any scenario.
+    """Return each pair of methods that was tested in at least one scenario.
 
-    The phases of one recording are not tested for significance. The first method of a pair is significantly better in
-    at least as many scenarios as the second method.
+    The phases of one recording are not tested for significance. Each pair is ordered such that its first method is
+    better in at least as many scenarios as its second method.
     """
     rounds: dict[tuple[str, str], list[tuple[str, Judgement]]] = {}
     for standing in standings:
@@ -103,7 +104,7 @@ def method_pairs(standings: Iterable[Standing]) -> list[MethodPair]:
     return [pair.swapped if pair.defeats > pair.wins else pair for pair in pairings]
 
 
-# The main result of a study: a title with the best method, and up to three sentences.
+# The main result of a study: a title that names the best method, and up to three sentences.
 
 _NAMED = 3
 """Maximum number of methods or scenarios that a sentence lists."""
@@ -113,7 +114,7 @@ class Answer(NamedTuple):
     """The main result of a study.
 
     Attributes:
-        title: text with the best method and the ratio by which it is better.
+        title: text with the best method, and the ratio by which its error is smaller.
         sentences: sentences about scenarios with and without significant differences, and about the number of seeds.
     """
 
@@ -147,7 +148,7 @@ def _of_methods(tested: Sequence[Standing], methods: int) -> Answer:
         where = f" in any of {len(tested)} scenarios" if len(tested) > 1 else ""
         return Answer(f"None of {methods} methods is significantly better than another{where}")
     sole, shared, reference = Counter[str](), Counter[str](), reference_method(tested)
-    for standing in decided:  # scenarios in which a method is the only best method, and one of several best methods
+    for standing in decided:  # count the scenarios in which a method is the only best, or one of several best
         (sole if len(standing.leaders) == 1 else shared).update(standing.leaders)
     names = {**sole, **shared}
     won, tied = max((sole[name], shared[name]) for name in names)
@@ -179,11 +180,11 @@ def _of_methods(tested: Sequence[Standing], methods: int) -> Answer:
 
 
 def reference_method(tested: Iterable[Standing]) -> str:
-    """Return the name of the method with which the other methods are compared.
+    """Return the name of the reference method, with which all other methods of a study are compared.
 
-    Only methods that occur in the largest number of scenarios are considered. If the filter ``baseline`` without
-    adaptation is one of these methods, its name is returned. Otherwise the function returns the first method without
-    adaptation, or the first method if every method has an adaptation.
+    Only methods that ran in the largest number of scenarios are considered. The first choice is the filter ``baseline``
+    without adaptation, and the second choice is the first method without adaptation. If every method has an adaptation,
+    the first method is returned.
     """
     names: dict[str, list[Combination]] = {}
     for standing in tested:
@@ -199,7 +200,7 @@ def reference_method(tested: Iterable[Standing]) -> str:
 
 
 def against(standing: Standing, reference: str) -> dict[str, Comparison]:
-    """Return the comparison of each method with the reference method in one scenario, by the name of the method."""
+    """Return the comparisons with the reference method in one scenario, by the name of the compared method."""
     of: dict[str, Comparison] = {}
     for pair in standing.tested:
         ours, theirs = standing.name(pair.subject), standing.name(pair.baseline)
@@ -211,16 +212,16 @@ def against(standing: Standing, reference: str) -> dict[str, Comparison]:
 
 
 def mean_log_ratio(compared: Iterable[Mapping[str, Comparison]], name: str) -> float:
-    """Return the mean log ratio of a method to the reference method, or infinity if a median run of it failed."""
+    """Return the mean of the log error ratio (method to reference method), or infinity if its median run failed."""
     ratios = [of[name].judgement.ratio for of in compared if name in of]
     return sum(math.log(ratio) if ratio > 0 else 0.0 for ratio in ratios) / max(1, len(ratios))
 
 
 def pair_finding(method_pair: MethodPair) -> str:
-    """Return text with the number of scenarios for each verdict, and the scenario with the most certain difference.
+    """Return a sentence that counts the scenarios with each verdict, and states the largest difference.
 
-    An example is "jerk against baseline: better in 2 of 3 scenarios (most on none: 2.0 times better, 95 % 1.9 to 2.1);
-    undecided in 1."
+    An example of the sentence is "jerk against baseline: better in 2 of 3 scenarios (most on none: 2.0 times better, 95
+    % 1.9 to 2.1); undecided in 1."
     """
     parts: list[str] = []
     for verdict, text in _VERDICT_TEXTS.items():
@@ -246,21 +247,21 @@ _VERDICT_TEXTS = {
 
 
 def _named(names: Sequence[str]) -> str:
-    """Return text that lists the first `_NAMED` names and the number of further names."""
+    """Return text with the first `_NAMED` names, and the number of names that are left out."""
     if len(names) > _NAMED:
         return f"{', '.join(names[:_NAMED])} and {len(names) - _NAMED} more"
     return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
-# Findings: the comparisons with the baselines of a study.
+# Findings: sentences about the comparisons with the baselines of a study.
 
 
 def findings(rows: "pd.DataFrame", verdicts: StudyVerdicts, baseline: Mapping[str, str] | None = None) -> list[str]:
-    """Return a sentence for each comparison with ``baseline``, sorted by decreasing certain difference.
+    """Return a sentence for each comparison with ``baseline``, sorted by decreasing size of the difference.
 
-    Without a ``baseline``, the comparisons with ``adaptation=none`` and ``filter=baseline`` are used. Without such
-    comparisons, the pairs of methods of `strongest` are used. The list is empty for a metric whose best value is not
-    the lowest value.
+    If ``baseline`` is None, the baselines are ``adaptation=none`` and ``filter=baseline``. If the study contains no
+    such comparison, the pairs of methods that `strongest` describes are used. The result is empty for a metric for
+    which lower values are not better.
 
     Raises:
         JerkbenchError: no combination has the values of the baseline.
@@ -273,7 +274,7 @@ def findings(rows: "pd.DataFrame", verdicts: StudyVerdicts, baseline: Mapping[st
 
 
 def _order(comparison: Comparison) -> float:
-    """Return the negative `certain_size` as a sort key. For phases, use the smallest absolute log ratio."""
+    """Return a sort key that decreases with the size of a difference (for phases, with the smallest log ratio)."""
     low, high = comparison.judgement.low, comparison.judgement.high
     if not comparison.phases:
         return -certain_size(comparison.judgement)
@@ -281,7 +282,7 @@ def _order(comparison: Comparison) -> float:
 
 
 def finding(comparison: Comparison, varying: Sequence[str]) -> str:
-    """Return a sentence about a comparison, which names the methods and the scenario by the factors ``varying``."""
+    """Return a sentence about a comparison. Names in the sentence contain only labels of the factors ``varying``."""
     subject, baseline, where = method_names(comparison, varying)
     judgement, failed = comparison.judgement, failures_clause(comparison, subject, baseline)
     n, ratio, known = judgement.n, judgement.ratio, 0 < judgement.ratio < math.inf
@@ -324,16 +325,16 @@ def varying_factors(rows: "pd.DataFrame") -> tuple[str, ...]:
 
 
 def study_baselines(rows: "pd.DataFrame", factors: Sequence[str] = ("adaptation", "filter")) -> list[dict[str, str]]:
-    """Return a baseline for each of the ``factors`` that has its reference value and also other values in the study."""
+    """Return a baseline for each factor of which the study contains the reference value (`REFERENCES`) and others."""
     values = {factor: set(rows[factor].astype(str)) for factor in factors}
     return [{factor: REFERENCES[factor]} for factor in factors if {REFERENCES[factor]} < values[factor]]
 
 
 def method_names(comparison: Comparison, varying: Sequence[str]) -> tuple[str, str, str]:
-    """Return the names of both methods, and the text " on SCENARIO".
+    """Return the names of both compared methods, and the text " on SCENARIO" with the name of the scenario.
 
-    A name contains the values of all factors in which the methods differ, and the filter and the adaptation if they
-    vary in the study. The scenario contains the values of the other varying factors.
+    The name of a method contains the labels of all factors in which the two methods differ, and the filter and the
+    adaptation if they vary in the study. The name of the scenario contains the labels of all other varying factors.
     """
     differ = [key for key, a, b in zip(FACTORS, comparison.subject, comparison.baseline, strict=True) if a != b]
     named = [key for key in FACTORS if key in differ or (key in ("filter", "adaptation") and key in varying)]
@@ -353,7 +354,7 @@ def _times(ratio: float) -> str:
 
 
 def _range(comparison: Comparison) -> str:
-    """Return the interval of a ratio as text. If the sentence states "x times better", the ratio is inverted."""
+    """Return text with the interval of a ratio. In a sentence with "x times better", the interval is inverted."""
     low, high = comparison.judgement.low, comparison.judgement.high
     inverse = (comparison.shown or comparison.phases) and 0 < comparison.judgement.ratio < 1
     ends = (1 / high if high else math.inf, 1 / low if low else math.inf) if inverse else (low, high)
@@ -366,9 +367,9 @@ def _range(comparison: Comparison) -> str:
 
 
 def failures_clause(comparison: Comparison, subject: str, baseline: str) -> str:
-    """Return text with the failures and lockouts of both methods and their upper bounds.
+    """Return text with the number of failed runs and of outliers of both methods, and the bounds of the failure rates.
 
-    The text for phases contains no bounds, and is empty for phases without failures and lockouts.
+    For phases, the text contains no bounds. If no phase failed or is an outlier, the text is empty.
     """
     judgement, phases = comparison.judgement, comparison.phases
     if not any((*comparison.failed, *judgement.outlying)):
@@ -382,19 +383,20 @@ def failures_clause(comparison: Comparison, subject: str, baseline: str) -> str:
     return f"; {'; '.join(parts)}"
 
 
-# The strongest findings of a study: pairs of methods that differ in one factor, over all scenarios.
+# The strongest findings of a study: comparisons over all scenarios of methods that differ in one factor.
 
 REFERENCES = {"filter": "baseline", "adaptation": "none"}
 """For each factor, the reference value with which its other values are compared."""
 
 
 def strongest(standings: Sequence[Standing]) -> list[str]:
-    """Return a sentence for each pair of methods that differ in one factor, sorted by decreasing certain difference.
+    """Return a sentence for each pair of methods that differ in one factor, sorted by decreasing difference.
 
-    If the study contains the reference value of a factor (`REFERENCES`), the other values are compared with this value.
-    Without a reference value, all pairs of values of the factor are compared. Methods that are not connected by a chain
-    of such comparisons are also compared, for example tuned methods, which differ in several factors. With several
-    scenarios, a sentence describes a pair of methods over all scenarios, except for phases, which are not tested.
+    If the study contains the reference value of a factor (`REFERENCES`, such as adaptation "none"), each other value is
+    compared with the reference value. Without a reference value, all pairs of values of the factor are compared.
+    Methods that no chain of these comparisons connects are also compared, for example tuned methods, which differ in
+    several factors. If a study has several scenarios, a sentence describes a pair of methods over all scenarios. Phases
+    of one recording are not tested, so they have a sentence for each scenario.
     """
     informative = informative_standings(standings)
     pairs = method_pairs(informative)
@@ -406,7 +408,7 @@ def strongest(standings: Sequence[Standing]) -> list[str]:
 
 
 def informative_standings(standings: Sequence[Standing]) -> list[Standing]:
-    """Return the scenarios with only the comparisons that `strongest` describes."""
+    """Return each scenario, reduced to the comparisons that the function `strongest` describes."""
     rivals = {rival for standing in standings for rival in standing.rivals}
     values = {factor: {rival[k] for rival in rivals} for k, factor in enumerate(FACTORS)}
     references = {factor: name for factor, name in REFERENCES.items() if name in values[factor]}

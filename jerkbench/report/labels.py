@@ -1,4 +1,4 @@
-"""Labels of combinations (names of presets with the parameters that were set), and further conditions of a job."""
+"""Labels of combinations (names of presets and the parameters that the user set), and further conditions of a job."""
 
 import json
 import re
@@ -16,7 +16,7 @@ TUNED_SUFFIX = ", tuned"
 
 
 class Labels(Combination):
-    """The labels of the factors of a job, which identify the job in tables."""
+    """The labels of a job in tables, one for each of the six factors (data set, disturbance, attitude, ...)."""
 
     @property
     def scenario(self) -> str:
@@ -25,14 +25,14 @@ class Labels(Combination):
 
 
 def default_labels(spec: Mapping[str, Any]) -> Labels:
-    """Return the labels of a job that was not composed by Hydra: the names of its plugins."""
+    """Return the labels of a job that Hydra did not compose. The labels are the names of the plugins."""
     names = {kind: spec[kind]["name"] for kind in ("dataset", "attitude", "filter", "adaptation")}
     noise = _with_r_scale("default", spec)
     return Labels(disturbance=joined(d["name"] for d in spec["disturbance"]), noise=noise, **names)
 
 
 def joined(names: Iterable[str]) -> str:
-    """Return one name for a list of disturbances. The name `none` is left out if the list has other names."""
+    """Return the names of several disturbances, joined by "+". The name `none` is left out if there are other names."""
     several = list(names)
     return "+".join(name for name in several if name != "none") or "none"
 
@@ -42,7 +42,7 @@ GROUPS = ("dataset", "attitude", "filter", "adaptation", "engine")
 
 
 def labels_of(spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Labels:
-    """Return the labels of a job: the names of its presets. Parameters set by overrides are added in parentheses."""
+    """Return the labels of a job: names of presets, with parameters that the command line set in parentheses."""
     changed = _set_parameters(overrides)
     preset_names = {kind: str(choices[kind]) for kind in GROUPS if kind != "engine"}
     tuned = tuned_method(spec, choices)
@@ -50,7 +50,7 @@ def labels_of(spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[
     listed = [override.partition("=")[2].strip("[]") for override in overrides if override.startswith("disturbance=")]
     typed = (listed[-1] if listed else str(choices.get("disturbance") or "")).split(",")
     ran = [d["name"] for d in spec["disturbance"]]
-    selected = [name.strip() for name in typed if name.strip()] or ran  # names of presets, in the order of the override
+    selected = [name.strip() for name in typed if name.strip()] or ran  # presets in the typed order
     also = [name for name in ran if name not in selected and f"disturbance.{name}" in changed]
     disturbance = joined(_named(name, changed.get(f"disturbance.{name}", [])) for name in [*selected, *also])
     noise = _noise_label(spec, choices, changed)
@@ -60,11 +60,10 @@ def labels_of(spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[
 
 
 def tuned_method(spec: Mapping[str, Any], choices: Mapping[str, Any]) -> dict[str, str]:
-    """Return the labels of filter and adaptation of a method from `jerkbench tune`. The result is empty otherwise.
+    """Return the filter and adaptation labels of a method that `jerkbench tune` tuned, or {} for another method.
 
-    The function recognises a tuned method by the name of its preset of the filter or the adaptation, such as
-    baseline_mtf_tuned. The names of the plugins replace the names of the presets, so that tuned and default methods are
-    in the same rows and columns.
+    A method is tuned if the preset of its filter or its adaptation has a name such as baseline_mtf_tuned. The labels
+    contain the names of the plugins instead of the presets, so that tables compare tuned methods with default methods.
     """
     filter_, adaptation = (str(spec[kind]["name"]) for kind in ("filter", "adaptation"))
     name = re.compile(rf"{re.escape(filter_)}_{re.escape(adaptation)}(?:_(\d+))?_tuned")
@@ -76,10 +75,10 @@ def tuned_method(spec: Mapping[str, Any], choices: Mapping[str, Any]) -> dict[st
 
 
 def contradiction(labels: Mapping[str, str], spec: Mapping[str, Any]) -> str:
-    """Return text about the first label that names a plugin which the stored job did not run, or an empty text.
+    """Return text about the first label that contradicts the plugin in the stored configuration, or an empty text.
 
-    A label that is not the name of a plugin is assumed to be a preset, which may not exist on this machine. Labels of
-    user programs are not checked, because programs choose their names.
+    A label that is not the name of a plugin is not checked, because it can be a preset that exists only on another
+    machine. Labels of user programs are also not checked, because a program defines its label itself.
     """
     disturbances = spec["disturbance"] or [{"name": "none"}]
     ran = {kind: {new_name(kind, spec[kind]["name"])} for kind in ("dataset", "attitude", "filter", "adaptation")}
@@ -94,7 +93,7 @@ def contradiction(labels: Mapping[str, str], spec: Mapping[str, Any]) -> str:
 
 
 def _noise_label(spec: dict[str, Any], choices: Mapping[str, Any], changed: dict[str, list[str]]) -> str:
-    """Return the label of the noise: its preset and the parameters set by overrides.
+    """Return the label of the process noise: its preset, and the parameters that the command line set.
 
     The label is "default" for a filter without noise parameters.
     """
@@ -107,13 +106,13 @@ def _noise_label(spec: dict[str, Any], choices: Mapping[str, Any], changed: dict
 
 
 def _with_r_scale(noise: str, spec: Mapping[str, Any]) -> str:
-    """Return the label of the noise, followed by all factors of ``r_scale`` (on the reported R) that are not 1."""
+    """Return the label of the process noise, followed by the factors on the reported R (``r_scale``) that are not 1."""
     scaled = [f"r_scale.{name}={value:g}" for name, value in scale_of(spec.get("r_scale")).changed.items()]
     return ", ".join([*([noise] if noise != "default" or not scaled else []), *scaled])
 
 
 def _set_parameters(overrides: list[str]) -> dict[str, list[str]]:
-    """Return the parameters ("name=value") of each plugin that are set by overrides. File paths are ignored."""
+    """Return the texts "parameter=value" of each plugin that the overrides set. File paths are left out."""
     parameters: dict[str, dict[str, str]] = {}
     for override in overrides:
         key, _, value = override.lstrip("+~").partition("=")
@@ -133,7 +132,7 @@ def bare(label: str) -> str:
     return label if shorter == label else bare(shorter)
 
 
-# Conditions of a stored job that are not part of its labels: data, parameters, protocol, engine.
+# Conditions under which a stored job ran, and that its labels do not contain: data, parameters, protocol, engine.
 
 LABELLED_PARTS = ("dataset", "disturbance", "attitude", "filter", "adaptation")
 """Parts of a job that have a label. The noise is a parameter of the filter."""
@@ -161,7 +160,7 @@ Conditions = Mapping[str, PartValues]
 
 
 def conditions(metadata: Mapping[str, Any]) -> Conditions:
-    """Return the parameters of each part of a stored job. Protocol and engine are included in the data set."""
+    """Return the parameters of each part of a stored job. The entry "dataset" also contains protocol and engine."""
     spec, protocol = metadata["spec"], metadata["protocol"]
     known = {part: _parameters(part, spec.get(part, {})) for part in LABELLED_PARTS}
     known["dataset"] |= {"data": metadata["data"][:12] or NO_DATA}
@@ -173,13 +172,13 @@ def conditions(metadata: Mapping[str, Any]) -> Conditions:
 
 
 def with_one_name(labels: Sequence[dict[str, str]], known: Sequence[Conditions]) -> None:
-    """Assign the shortest of their labels to all parts that have the same name and the same parameters.
+    """Give parts with the same name and the same parameters one label: the shortest of their labels.
 
     For example, ``mtf`` and ``mtf(window=1)`` are the same method, because the default of the window is 1.
 
     Args:
-        labels: labels of each job. The labels are changed in place.
-        known: parameters of each part of each job, from `conditions`.
+        labels: labels of each job, by factor. The function changes these mappings in place.
+        known: parameters of the parts of each job, as returned by `conditions`.
     """
     for part in LABELLED_PARTS:
         groups: dict[object, list[dict[str, str]]] = {}
@@ -193,21 +192,21 @@ def with_one_name(labels: Sequence[dict[str, str]], known: Sequence[Conditions])
 
 
 def with_distinct_labels(labels: Sequence[dict[str, str]], known: Sequence[Conditions]) -> list[str]:
-    """Make the labels of different jobs distinct, so that their results are never averaged or compared.
+    """Extend the labels of jobs that differ in parameters, so that the results of different jobs are never averaged.
 
-    If jobs with the same label have different parameters, these parameters are added to their labels. Jobs of a tuned
-    method must have the same labels of both filter and adaptation to be compared in this way.
+    If jobs with the same label have different parameters, the differing parameters are added to the label. The jobs of
+    a tuned method are compared only with jobs that have the same labels of both filter and adaptation.
 
     Args:
-        labels: labels of each job. The labels are changed in place.
-        known: parameters of each part of each job, from `conditions`.
+        labels: labels of each job, by factor. The function changes these mappings in place.
+        known: parameters of the parts of each job, as returned by `conditions`.
 
     Returns:
         A note for each label to which parameters were added.
     """
     notes, unchanged = [], [dict(label) for label in labels]
     for part in LABELLED_PARTS:
-        names = (part, "noise") if part == "filter" else (part,)  # the noise is a parameter of the filter
+        names = (part, "noise") if part == "filter" else (part,)  # the noise belongs to the filter
         groups: dict[tuple[str, ...], list[int]] = {}
         for index, label in enumerate(unchanged):
             tuned = part in METHOD_PARTS and label["filter"].endswith(TUNED_SUFFIX)
@@ -232,7 +231,7 @@ def with_distinct_labels(labels: Sequence[dict[str, str]], known: Sequence[Condi
 
 
 def with_parameters(label: str, parameters: Sequence[str]) -> str:
-    """Return a label with ``parameters`` added in its parentheses.
+    """Return a label with ``parameters`` added in the parentheses of the label.
 
     >>> with_parameters("field(duration_s=30)", ["burn_in_s=0"])
     'field(duration_s=30, burn_in_s=0)'
@@ -242,7 +241,7 @@ def with_parameters(label: str, parameters: Sequence[str]) -> str:
 
 
 def differing_conditions(first: Conditions, second: Conditions, parts: Iterable[str]) -> list[str]:
-    """Return the parameters of ``parts`` in which two jobs differ, for example "burn_in_s (0, 10)"."""
+    """Return the differing parameters of two jobs with both values, for example "burn_in_s (0, 10)"."""
     names = []
     for part in parts:
         varying = _varying([first[part], second[part]])
@@ -266,10 +265,11 @@ def _parameters(part: str, plugins: Mapping[str, Any] | Sequence[Mapping[str, An
 
 
 def _varying(known: Sequence[PartValues]) -> dict[str, dict[str, str]]:
-    """Return the parameters that differ between jobs. Each value has a shortened text.
+    """Return the parameters that differ between jobs, with a (possibly shortened) text for each value.
 
-    Parameters that some jobs do not have are ignored. If the hashes of the data differ, different file paths are
-    returned instead of the hashes, because paths are easier to read. If the hashes are equal, file paths are ignored.
+    Parameters that some jobs do not have are ignored. If the hashes of the data differ, the differing file paths are
+    returned instead of the hashes, because paths are easier to read. Equal hashes mean equal data, so different file
+    paths are ignored.
     """
     shared = [name for name in known[0] if all(name in values_of_job for values_of_job in known)]
     values = {name: list(dict.fromkeys(values_of_job[name] for values_of_job in known)) for name in shared}
@@ -284,7 +284,7 @@ def _varying(known: Sequence[PartValues]) -> dict[str, dict[str, str]]:
 
 
 def _short(texts: Sequence[str]) -> list[str]:
-    """Return the last part of each path if all last parts are different, otherwise the full paths."""
+    """Return the last part of each path. If the last parts are not all different, return the full paths."""
     ends = [text.rstrip("/").rpartition("/")[2] for text in texts]
     return ends if len(set(ends)) == len(texts) else list(texts)
 

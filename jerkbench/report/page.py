@@ -1,4 +1,4 @@
-"""The report as one HTML file: main result, table, errors over time, figures, review, combinations, provenance."""
+"""The report of a study as one HTML file: main result, tables, errors over time, figures, review and provenance."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
@@ -38,19 +38,19 @@ def page(
     rule: VerdictRule = RULE,
     method: tuple[str, ...] | None = None,
 ) -> str:
-    """Return the report as HTML.
+    """Return the report of a study as HTML.
 
     Args:
         name: name of the study.
         rows: one row for each job and seed.
-        keys: key of the job of each row.
+        keys: for each row, the key of its job.
         about: metadata of each job, by the key of the job.
         notes: notes below the tables.
-        provenance: entries of the manifest: command, time, commit, versions, host.
+        provenance: entries of the manifest: command, time, commit, versions of libraries, and computer.
         pictures: figures of the study.
-        curves: errors over time of the jobs of each scenario, as `jerkbench.report.study_figures` encodes them.
+        curves: errors over time of each scenario, as encoded by `jerkbench.report.study_figures`.
         rule: margin and level of the verdicts.
-        method: factors that define a method. If ``method`` is None, the default of `study_verdicts` is used.
+        method: factors that define a method, or None for the default of `study_verdicts`.
     """
     from markupsafe import Markup
 
@@ -90,7 +90,7 @@ def page(
 
 
 def _assets(names: Iterable[str]) -> "list[Markup]":
-    """Return the content of asset files, which are style sheets and scripts and must not be escaped."""
+    """Return the content of style sheets and scripts, marked as safe so that templates do not escape it."""
     from markupsafe import Markup
 
     remaining = files("jerkbench.report") / "assets"
@@ -106,17 +106,18 @@ def _plain(value: object) -> str:
 
 
 MAX_FIGURE_CHARACTERS = 600_000
-"""Maximum number of characters of all encoded figures. It limits the size of the report to 2 MB."""
+"""Maximum number of characters of all encoded figures. This maximum limits the size of the report to 2 MB."""
 
 
 def gallery(pictures: Iterable[Picture], without: Sequence[str] = ()) -> dict[str, Any]:
-    """Return the figures of all rows, the figures of each scenario, and the scenarios whose figures are left out.
+    """Return the figures of the complete study and of each scenario, and the names of scenarios without figures.
 
-    Figures are left out if they would make the page too large.
+    The figures of the last scenarios are left out if they would make the page too large.
 
     Args:
         pictures: all figures of the study.
-        without: last parts of the names of figures that are left out, because the page has interactive plots instead.
+        without: figures whose names end with one of these texts are left out, because the page has interactive plots
+            instead.
     """
     scenes: dict[str, list[Picture]] = {"": []}
     for picture in pictures:

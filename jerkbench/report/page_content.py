@@ -1,4 +1,4 @@
-"""The content of a report: matrix, settings of the methods, comparisons, combinations, errors over time."""
+"""The content of a report: matrix of error ratios, parameters of the methods, combinations, and errors over time."""
 
 import base64
 import gzip
@@ -31,7 +31,7 @@ MAX_FINDINGS = 10
 
 
 def settings(about: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
-    """Return the name of each method and its parameters as text.
+    """Return the name of each method, and text with the parameters of the method.
 
     The text lists the parameters of the filter and the adaptation with all values that occur in the study.
     """
@@ -60,9 +60,10 @@ MANY_SCENARIOS = 8
 
 
 def matrix(standings: Sequence[Standing]) -> dict[str, Any] | None:
-    """Return the matrix of a study, or None if no comparison was tested.
+    """Return the matrix of error ratios of a study, or None if no comparison was tested.
 
-    The matrix has a row for each method and a column for each scenario, or vice versa.
+    The matrix has a row for each method and a column for each scenario. If there are many scenarios, the matrix is
+    transposed.
     """
     tested = [standing for standing in standings if standing.tested]
     if not tested:
@@ -83,10 +84,10 @@ def matrix(standings: Sequence[Standing]) -> dict[str, Any] | None:
 def _matrix_cell(
     standing: Standing, seen: Mapping[str, Comparison], name: str, reference: str
 ) -> dict[str, str | bool]:
-    """Return the text of a cell (the ratio), its style, a hint about the comparison, and the number of failed runs.
+    """Return the content of a cell: text (the ratio), style, hint about the comparison, and number of failed runs.
 
-    The style is better1 to better3, worse1 to worse3, equal, undecided, reference or absent. "leads" is True for a
-    method that is one of the best of the scenario.
+    The style of a cell is better1 to better3, worse1 to worse3, equal, undecided, reference or absent. The entry
+    "leads" is True if the method is one of the best in the scenario.
     """
     cell: dict[str, str | bool] = {"leads": standing.decided and name in standing.leaders, "hint": "", "failed": ""}
     if name == reference and any(standing.name(rival) == name for rival in standing.rivals):
@@ -107,7 +108,7 @@ def _matrix_cell(
     return cell | {"text": text, "style": style, "hint": hint, "failed": failed}
 
 
-# All combinations of a study, with the consistency of each combination, in a table that can be sorted and filtered.
+# The table of all combinations with their consistency. In the page, it can be sorted and filtered.
 
 
 _COLUMNS = ("velocity_rmse_mps", "outage_rmse_m", "lockout_s", "anees", "anis_per_row")
@@ -125,10 +126,10 @@ def cells_view(
 
     Args:
         rows: one row for each job and seed.
-        keys: key of the job of each row.
+        keys: for each row, the key of its job.
         about: metadata of each job, by the key of the job.
         metric: main metric of the study.
-        verdicts: verdicts of the study in this metric.
+        verdicts: verdicts of the study for this metric.
     """
     others = (column for column in _COLUMNS if column != metric and column in rows and rows[column].notna().any())
     metrics = [metric, *others]
@@ -170,7 +171,7 @@ ANEES = "anees"
 
 
 def nees_explanation(rows: "pd.DataFrame") -> str:
-    """Return the explanation of the consistency column, or an empty text if no combination has a NEES."""
+    """Return text that explains the consistency column. If no combination has a NEES, the text is empty."""
     if ANEES not in rows or rows[ANEES].isna().all():
         return ""
     low, high = (factor * EXPECTED_ANEES for factor in NEAR)
@@ -184,7 +185,7 @@ def nees_explanation(rows: "pd.DataFrame") -> str:
 
 
 def nees_verdict(group: "pd.DataFrame") -> str:
-    """Return the consistency verdict of one combination. Phases are not independent, so their verdict is unknown."""
+    """Return the verdict on the consistency of a combination, which is unknown for phases of one recording."""
     if ANEES not in group:
         return ""
     if (group["replicate"] == "phase").any():
@@ -194,7 +195,7 @@ def nees_verdict(group: "pd.DataFrame") -> str:
     return runs_verdict(values, EXPECTED_ANEES, failed=int((~well).sum()))
 
 
-# Data for the script of the page: errors over time (two bytes each), and the details of each combination.
+# Data for the script of the page: errors over time (two bytes for each error), and details of combinations.
 
 LOWEST, MAX_AXIS_M = 1e-9, 1e9
 """Range of the encoded errors [m]. Errors outside this range are clipped."""
@@ -207,12 +208,12 @@ ERROR_SCALE = {"lowest": LOWEST, "decades": math.log10(MAX_AXIS_M / LOWEST), "le
 
 
 def largest_of_steps(t_s: FloatArray, error_m: FloatArray, edges_s: FloatArray) -> FloatArray:
-    """Return the largest error in each time step of a recording.
+    """Return the largest of all errors that fall into each time step.
 
     Args:
         t_s: (k,) times of the errors [s].
-        error_m: (k,) errors [m], NaN if unknown.
-        edges_s: (n + 1,) edges of the n time steps [s].
+        error_m: (k,) errors [m], or NaN for unknown errors.
+        edges_s: (n + 1,) start of each of the n time steps, and end of the last time step [s].
 
     Returns:
         (n,) largest error in each time step [m], or NaN for a time step without a known error.
@@ -225,7 +226,10 @@ def largest_of_steps(t_s: FloatArray, error_m: FloatArray, edges_s: FloatArray) 
 
 
 def encoded(error_m: FloatArray) -> str:
-    """Return errors [m] as base64 text. The log errors become integers from 1 to 65535, and NaN becomes 0."""
+    """Return errors [m] as base64 text for the script of the page.
+
+    The logarithms of the errors are encoded as integers from 1 to 65535, and NaN as 0.
+    """
     span = np.log10(MAX_AXIS_M / LOWEST)
     with np.errstate(invalid="ignore"):
         share = np.log10(np.clip(error_m, LOWEST, MAX_AXIS_M) / LOWEST) / span
@@ -243,7 +247,7 @@ _EACH = 3
 def details(
     groups: "Mapping[str, pd.DataFrame]", about: Mapping[str, Mapping[str, Any]], metrics: Sequence[str]
 ) -> dict[str, Any]:
-    """Return the details of each job, which the script of the page displays on request.
+    """Return the details of each job. The script of the page displays the details when the user requests them.
 
     Args:
         groups: rows of each job, by the key of the job.

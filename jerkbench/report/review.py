@@ -1,4 +1,4 @@
-"""Questions that a reviewer would ask about a study, and their answers from its rows and configurations."""
+"""Questions that a reviewer would have about a study, and answers computed from the rows and configurations."""
 
 import json
 import re
@@ -47,11 +47,11 @@ ReviewedCells = Sequence[Mapping[str, Any]]
 
 
 class Check(NamedTuple):
-    """One question of a reviewer with its answer.
+    """One question that a reviewer would have, with its answer.
 
     Attributes:
         question: text of the question.
-        passed: True if the study passes the check, False if it fails, None if the question does not apply to the study.
+        passed: True if the study passes the check, False if the study fails, or None if the question does not apply.
         reason: text that explains the answer.
     """
 
@@ -61,7 +61,7 @@ class Check(NamedTuple):
 
 
 def review(rows: "pd.DataFrame", cells: ReviewedCells, metric: str) -> list[Check]:
-    """Return all questions of a reviewer with the answers for a study.
+    """Return all questions of the review, with the answers for a study.
 
     Args:
         rows: one row for each job and seed.
@@ -94,7 +94,7 @@ def _covariance(cells: ReviewedCells) -> Answered:
 
 
 def _replaced(part: Mapping[str, Any]) -> list[str]:
-    """Return the names of the parameters that replace an accuracy reported by the receiver."""
+    """Return the names of parameters that replace an accuracy that the receiver reports."""
     replaced = []
     for key, value in part.items():
         match = REPLACED.fullmatch(key)
@@ -106,7 +106,7 @@ def _replaced(part: Mapping[str, Any]) -> list[str]:
 
 
 def _budget(cells: ReviewedCells) -> Answered:
-    """Check that all methods were tuned with the same budget, or ran with the same number of settings."""
+    """Check that all methods were tuned with the same budget, or ran with the same number of parameter settings."""
     settings: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
     notes: dict[str, set[str]] = defaultdict(set)
     labelled = any(cell["labels"]["filter"].endswith(TUNED_SUFFIX) for cell in cells)
@@ -140,7 +140,7 @@ def _scenario(cell: Mapping[str, Any]) -> str:
 
 
 def _recordings(cells: ReviewedCells) -> Answered:
-    """Check that each method ran on at least two recordings. Recordings with equal data count once."""
+    """Check that each method ran on at least two recordings. Recordings with equal data count as one recording."""
     names = sorted({cell["labels"]["dataset"] for cell in cells})
     runs: dict[str, set[str]] = defaultdict(set)
     for cell in cells:
@@ -155,9 +155,9 @@ def _recordings(cells: ReviewedCells) -> Answered:
 
 
 def _seeds(rows: "pd.DataFrame") -> Answered:
-    """Check that each combination has enough successful seeds, and that all methods of a scenario have equal seeds."""
+    """Check that each combination has enough successful seeds, and that methods of a scenario ran the same seeds."""
     seeded = rows[rows["replicate"] == "seed"]
-    # Other rows are phases of a recording, or the single run of a recording in which nothing is random.
+    # The other rows are phases of a recording, or the single run of a combination without random parts.
     per_cell = rows[rows["replicate"] == "phase"].groupby([*FACTORS]).size()
     phases, single = int(per_cell[per_cell > 1].sum()), int((per_cell == 1).sum())
     more = f" {single} rows are the one run of a recording in which nothing is random." if single else ""
@@ -184,7 +184,7 @@ def _consistency(rows: "pd.DataFrame", metric: str) -> Answered:
     ]
     best = {
         combination[:3]: combination for _, combination in sorted(good, reverse=True)
-    }  # the lowest error of a scenario is last and overwrites the others
+    }  # the lowest error of each scenario comes last, and overwrites larger errors
     if unfinished := [", ".join(scenario) for scenario in grid.row_values if scenario not in best]:
         count = len(grid.row_values)
         return (
@@ -215,7 +215,7 @@ def _named(combination: Sequence[str], varying: Sequence[bool]) -> str:
 
 
 def _independence(cells: ReviewedCells) -> Answered:
-    """Check that each data set has a reference whose source is stated and is independent of the measurements."""
+    """Check that the source of the reference of each data set is stated, and is independent of the measurements."""
     notes: dict[str, dict[str, None]] = defaultdict(dict)
     for cell in cells:
         found = [note for note in cell["notes"] if note.startswith("Reference of ")]

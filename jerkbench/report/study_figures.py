@@ -1,4 +1,7 @@
-"""Draw the figures of a study and write its report. Drawing repeats some runs of each scenario in parallel."""
+"""Draw the figures of a study and write its report.
+
+To draw the figures, some runs of each scenario are repeated in parallel processes.
+"""
 
 import base64
 import hashlib
@@ -62,7 +65,8 @@ SHOWN_METHODS = 5
 """Maximum number of methods in a figure. User plugins and methods requested by name may exceed this number."""
 
 FROM_ELSEWHERE = ("command", "trajectory")
-"""Builtin filters that run a user program, or read a trajectory of other software. They count as user plugins."""
+"""Builtin filters that count as user plugins, because they run a user program or read a trajectory of other software.
+"""
 
 SEEDS = 10
 """Maximum number of runs of the best method whose NEES and NIS are averaged."""
@@ -79,18 +83,19 @@ STRETCH_STEPS = (100, 600)
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """The requested figures of a study.
+    """A request for figures of a study.
 
     Attributes:
-        choice: scenarios whose runs are drawn.
+        choice: value of the option ``figures``, which selects the scenarios whose runs are drawn.
         limit: maximum number of scenarios whose runs are drawn.
-        out: folder for the figure files. If ``out`` is None, no files are written.
+        out: folder for the figure files, or None to write no figure files.
         pdf: whether to write PDF files in addition to PNG files.
-        traces: whether to compute errors over time for at most ``limit`` scenarios.
-        run_programs: whether stored user programs may run. If False, jobs with user programs are left out.
-        methods: names of the methods to draw. If ``methods`` is empty, methods with significant differences are drawn.
+        traces: whether the report contains errors over time, for at most ``limit`` scenarios.
+        run_programs: whether external programs in stored configurations may run. If ``run_programs`` is False, jobs
+            with programs are left out.
+        methods: names of the methods to draw. If ``methods`` is empty, methods that differ significantly are drawn.
         scenarios: names of the scenarios to draw. If ``scenarios`` is empty, ``choice`` selects the scenarios.
-        seed: seed of the runs to draw. If ``seed`` is None, the first seed is used.
+        seed: seed of the runs to draw, or None for the first seed.
     """
 
     choice: Choice = Choice.FEW
@@ -109,17 +114,17 @@ DrawnStudy = tuple[list[Picture], list[dict[str, Any]]]
 
 
 def draw_study(study: Study, request: Request, workers: int) -> DrawnStudy:
-    """Draw the figures of a study: first the figures of all rows, then the figures of the runs of each scenario.
+    """Draw the figures of a study: figures of the stored rows, then figures of repeated runs of each scenario.
 
-    If the runs of a scenario cannot be repeated, a message is printed on standard error.
+    If the runs of a scenario cannot be repeated, a message is printed on standard error, and the scenario is left out.
 
     Args:
-        study: study, which contains the rows of results and the stored jobs.
-        request: figures to draw.
-        workers: number of processes that draw figures.
+        study: study with the rows and the stored jobs.
+        request: the requested figures.
+        workers: number of processes in which figures are drawn.
 
     Raises:
-        JerkbenchError: the study does not have a requested method, scenario or seed.
+        JerkbenchError: the study does not contain a requested method, scenario or seed.
     """
     if request.choice is Choice.NONE:
         return [], []
@@ -140,7 +145,7 @@ def _draw_first(tasks: Sequence[tuple[int, Callable[[], DrawnStudy]]]) -> tuple[
 
 
 def _drawing_tasks(study: Study, request: Request) -> list[Callable[[], DrawnStudy]]:
-    """Return the task that draws all rows, and a task for each scenario, in the order of the figures in the report."""
+    """Return functions without arguments that draw figures: one for the stored rows, then one for each scenario."""
     metric, palette = main_metric(study.rows), palette_of(study.rows)
     of_all_rows = partial(_draw_rows, request, study.rows, palette)
     study = _requested(study, request)
@@ -161,7 +166,7 @@ def _drawing_tasks(study: Study, request: Request) -> list[Callable[[], DrawnStu
 
 
 def _requested(study: Study, request: Request) -> Study:
-    """Return the part of a study with the requested scenarios and methods."""
+    """Return the part of a study that contains the requested scenarios and methods, and check the requested seed."""
     for names, factors in ((request.scenarios, SCENARIO_FACTORS), (request.methods, METHOD)):
         study = named_part(study, names, factors) if names else study
     seeds = sorted(set(study.rows["seed"]))
@@ -184,10 +189,10 @@ def _draw_scenario(
     labels: Mapping[str, Mapping[str, str]],
     methods: Methods | None,
 ) -> DrawnStudy:
-    """Draw the figures and compute the error curves of a scenario.
+    """Draw the figures of a scenario, and compute the errors over time for the report.
 
-    If ``methods`` is empty, the best methods are drawn. If ``methods`` is None, no figures are drawn. ``steps`` is the
-    number of time steps of each error curve. If ``steps`` is 0, no error curves are computed.
+    ``methods`` are the methods to draw: an empty tuple selects the best methods, and None draws no figures. ``steps``
+    is the number of time steps of each error curve, or 0 to compute no error curves.
     """
     try:
         stored = runnable(Store(folder).read(list(labels))[0], run_programs=request.run_programs)
@@ -201,9 +206,9 @@ def _draw_scenario(
 
 
 def _picture(drawing: Drawing, scenario: str, request: Request) -> Picture:
-    """Write the requested PNG and PDF files of a figure, and return the figure for the page.
+    """Write the requested PNG and PDF files of a figure, and return the encoded figure for the report.
 
-    The page contains lossless WebP, which has two thirds of the size of PNG.
+    The report contains lossless WebP images, because they have two thirds of the size of PNG images.
     """
     from jerkbench.report.plots.style import image_of, save_figure
 
@@ -211,7 +216,7 @@ def _picture(drawing: Drawing, scenario: str, request: Request) -> Picture:
     if out is not None:
         write_atomically(out / f"{drawing.name}.png", image.save)
     if out is not None and request.pdf:
-        drawing.figure.set_layout_engine("none")  # the layout of the PNG is reused, because a new layout is slow
+        drawing.figure.set_layout_engine("none")  # reuse the layout of the PNG, because a new layout is slow
         save_figure(drawing.figure, out / f"{drawing.name}.pdf")
     image.convert("RGB").save(data, "webp", lossless=True, quality=50, method=3)
     encoded_data = f"data:image/webp;base64,{base64.b64encode(data.getvalue()).decode()}"
@@ -221,10 +226,10 @@ def _picture(drawing: Drawing, scenario: str, request: Request) -> Picture:
 def _draw_runs(
     name: str, jobs: Sequence[Stored], wanted: Methods, seed: int | None, palette: Palette
 ) -> Iterator[Drawing]:
-    """Repeat runs of selected jobs, and yield the figures of these runs. ``jobs`` must be sorted from best to worst.
+    """Repeat runs of selected jobs of a scenario, and yield the figures of these runs.
 
     Raises:
-        JerkbenchError: a job cannot be run again.
+        JerkbenchError: a stored job cannot be run again, for example because its data have changed.
     """
     if not jobs:
         raise JerkbenchError("all methods are stored programs, which run only with --run-programs.")
@@ -254,14 +259,14 @@ def _draw_runs(
 
 
 def _selected(cells: Sequence[Stored], wanted: Methods) -> dict[str, Stored]:
-    """Return the jobs to draw: the best job, the best job of each user plugin, the wanted methods, the next best jobs.
+    """Return the jobs to draw: the best job, the best job of each user plugin, the wanted methods, and further jobs.
 
-    A method with several noise settings is represented by its best job.
+    If a method was run with several noise settings, only the best of these jobs is selected.
 
     Args:
         cells: jobs of a scenario, sorted from best to worst.
-        wanted: filters and adaptations to select. If ``wanted`` is empty, `WANTED` and the next best methods are
-            selected.
+        wanted: pairs of filter and adaptation to select. If ``wanted`` is empty, the methods in `WANTED` and the next
+            best methods are selected.
     """
     methods: dict[tuple[str, str], Stored] = {}
     of_plugin: dict[tuple[str, str], tuple[str, str]] = {}
@@ -278,9 +283,9 @@ def _selected(cells: Sequence[Stored], wanted: Methods) -> dict[str, Stored]:
 
 
 def of_user(spec: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the kind and name of the filter and the adaptation of a stored job, if they are user plugins.
+    """Return the kind and the name of each user plugin among the filter and the adaptation of a stored job.
 
-    User plugins are plugins of other packages, user programs, and trajectories from other software.
+    A user plugin is a plugin of another package, an external program, or a trajectory from other software.
     """
     parts = [(kind, str(spec[kind]["name"])) for kind in ("filter", "adaptation")]
     known = [(kind, name) for kind, name in parts if name in plugins.names(kind)]
@@ -288,7 +293,10 @@ def of_user(spec: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def ranked(group: Sequence[Stored], metric: str) -> list[Stored]:
-    """Return the jobs of a scenario, sorted by the metric. Reference methods, which do not compete, come last."""
+    """Return the jobs of a scenario, sorted by the mean of the metric.
+
+    Reference methods, such as the oracle, come last.
+    """
     return sorted(group, key=lambda cell: (not competes(cell.metadata["labels"]), _mean(cell, metric)))
 
 
@@ -309,18 +317,19 @@ def _name(cell: Stored) -> str:
 
 
 def _steps_of(scenarios: Iterable[Collection[str]]) -> int:
-    """Return the number of time steps for each job, such that the errors of all jobs fit into `MAX_ERRORS`."""
+    """Return the number of time steps of each error curve, such that all curves have at most `MAX_ERRORS` values."""
     curves = sum(min(len(keys), MAX_CURVES) for keys in scenarios)
     return int(np.clip(MAX_ERRORS // max(1, curves), *STRETCH_STEPS))
 
 
 def _curves(scenario: str, jobs: Sequence[Stored], steps: int, palette: Palette) -> list[dict[str, Any]]:
-    """Repeat one run of each of the best jobs and of each job with user plugins, and return their errors over time.
+    """Repeat one run of each selected job of a scenario, and return the position errors over time.
 
-    The result has the form that the script of the page reads. It is empty if the recordings have no position reference.
+    Jobs with user plugins and the best other jobs are selected, up to `MAX_CURVES` jobs. The result has the form that
+    the script of the page reads. Without a position reference, the result is empty.
 
     Raises:
-        JerkbenchError: a job cannot be run again.
+        JerkbenchError: a stored job cannot be run again, for example because its data have changed.
     """
     selected = {job.key for job in sorted(jobs, key=lambda job: not of_user(job.metadata["spec"]))[:MAX_CURVES]}
     rows = {job.key: (job, row_of(job, run_programs=True)) for job in jobs if job.key in selected}
@@ -352,7 +361,7 @@ _MAX_NAME_CHARACTERS = 100
 
 
 def with_title(recording: Recording, job: Job, draw: int) -> Recording:
-    """Return the recording with a name that also contains the disturbance (if any) and the seed or phase."""
+    """Return the recording with a longer name for titles, which also contains the disturbance and the seed or phase."""
     title = ", ".join([recording.name] + [job.labels.disturbance] * (job.labels.disturbance != "none"))
     drawn = f", seed {draw}" if job.seeded else f", phase {draw}" if len(job.draws) > 1 else ""
     title = bare(title) if len(title) > LINES * WIDTH else title
@@ -361,9 +370,9 @@ def with_title(recording: Recording, job: Job, draw: int) -> Recording:
 
 
 def file_stem(labels: Sequence[str]) -> str:
-    """Return a short file name for ``labels``, without the extension. Equal labels always give the same name.
+    """Return a short file name for ``labels``, without the extension. The name depends only on the labels.
 
-    The parameters in the labels are replaced by a hash of the labels.
+    If the labels contain parameters, a hash of the labels replaces the parameters.
     """
     text = "-".join(labels)
     name = re.sub(r"[^A-Za-z0-9.+=-]+", "_", "-".join(bare(label) for label in labels))
@@ -373,9 +382,9 @@ def file_stem(labels: Sequence[str]) -> str:
 
 
 def draw_single(job: Job, folder: Path, *, pdf: bool = False) -> list[Path]:
-    """Draw the trajectory and the errors of the first seed, and return the paths of the figure files.
+    """Run the first seed of a job, draw the trajectory and the errors, and return the paths of the figure files.
 
-    For a filter that estimates only the attitude, the inclination error is drawn instead.
+    If the filter estimates only the attitude, the inclination error is drawn instead of the trajectory.
     """
     from jerkbench.report.plots.runs import error_figure, inclination_figure, trajectory_figure
     from jerkbench.report.plots.style import save_figure
@@ -405,14 +414,15 @@ OTHERWISE = {
 
 
 def present(study: Study, workers: int, choice: Choice, *, pdf: bool = False, run_programs: bool = False) -> None:
-    """Print a message, because drawing takes a while, then draw the figures of a study and write its report.
+    """Print messages about the progress, draw the figures of a study, and write its report.
 
     Args:
         study: study with the rows and the stored jobs.
-        workers: number of processes that draw figures.
-        choice: scenarios whose runs are drawn.
+        workers: number of processes in which figures are drawn.
+        choice: value of the option ``figures``, which selects the scenarios whose runs are drawn.
         pdf: whether to write PDF files in addition to PNG files.
-        run_programs: whether stored user programs may run. If False, jobs with user programs are left out.
+        run_programs: whether external programs in stored configurations may run. If ``run_programs`` is False, jobs
+            with programs are left out.
     """
     figures, report = study.folder / FIGURES, study.folder / REPORT
     if choice is not Choice.NONE:
@@ -435,10 +445,10 @@ def write_report(
 
     Args:
         study: study with the rows and the stored jobs.
-        path: path of the HTML file.
-        request: figures to draw.
-        workers: number of processes that draw figures.
-        method: factors that define a method. If ``method`` is None, the default of `study_verdicts` is used.
+        path: path of the HTML file to write.
+        request: the requested figures.
+        workers: number of processes in which figures are drawn.
+        method: factors that define a method, or None for the default of `study_verdicts`.
         rule: margin and level of the verdicts.
     """
     from jerkbench.report.page import page

@@ -1,4 +1,4 @@
-"""The notes below the tables of a study: about recordings, versions of the code, and results that are left out."""
+"""Notes below the tables of a study: notes about recordings, code versions, and results that are left out."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -36,10 +36,10 @@ def notes_of_study(
     Args:
         rows: one row for each job and seed of the study.
         jobs: metadata of each job of the study.
-        configured: notes of the configuration, which come first.
-        outdated: number of jobs that are left out, because a newer job has the same labels.
-        other_runs: number of runs that are left out, because the last command used other seeds.
-        damaged: names of damaged files.
+        configured: notes from the configuration of the study, which come before all other notes.
+        outdated: number of stored jobs that tables leave out because a newer job has the same labels.
+        other_runs: number of stored runs that tables leave out because the last command used other seeds.
+        damaged: names of damaged files with results.
     """
     notes = list(dict.fromkeys([*configured, *(note for job in jobs for note in job["notes"])]))
     codes = {(job["code"], *sorted(job["versions"].items())) for job in jobs}
@@ -62,21 +62,21 @@ def notes_of_study(
 
 
 def code_of(jobs: Sequence[JobMetadata]) -> str:
-    """Return a text with the commit of all jobs, or with the number of different commits.
+    """Return text with the commit that computed all jobs, or with the number of different commits.
 
-    If the commit of a job is unknown, the first digits of the digest of its code are used instead.
+    If the commit of a job is unknown, the first digits of the hash of the code replace the commit.
     """
     named = {job["commit"] or f"code {job['code'][:12]}" for job in jobs}
     return f"{len(named)} versions of the code" if len(named) > 1 else f"commit {named.pop()}"
 
 
 def damaged_files(names: Sequence[str]) -> str:
-    """Return the start of a message that states the number of damaged files."""
+    """Return the start of a message: the number of damaged files, followed by "is" or "are"."""
     return "1 damaged file of results is" if len(names) == 1 else f"{len(names)} damaged files of results are"
 
 
 def _provenance_notes(cells: Sequence[JobMetadata]) -> list[str]:
-    """Return a note about methods that are simplified or unpublished, except reference methods."""
+    """Return a note that lists the simplified and the unpublished methods of a study, except reference methods."""
     named_by_kind: dict[str, list[str]] = {"simplified": [], "own": []}
     for kind, name in sorted({(kind, str(cell["spec"][kind]["name"])) for cell in cells for kind in WHY}):
         known = provenance_of(plugins.get(kind, name)) if name in plugins.names(kind) else None
@@ -87,7 +87,7 @@ def _provenance_notes(cells: Sequence[JobMetadata]) -> list[str]:
 
 
 def _worse_than_fixes(rows: "pd.DataFrame", jobs: Sequence[JobMetadata]) -> list[str]:
-    """Return notes about methods with larger errors than the fixes alone, with likely causes and remedies."""
+    """Return notes about methods whose errors are larger than the errors of the fixes, and about likely causes."""
     if MAIN not in rows.columns or not (rows["filter"] == GNSS_ONLY).any():
         return []
     run = rows[rows["status"] != "failed"]
@@ -116,9 +116,9 @@ def _losers(scenario: tuple[str, ...], worse: "pd.Series[float]", floor: float) 
 
 
 def _advice(cells: Sequence[JobMetadata], attitudes: set[str]) -> list[str]:
-    """Return likely causes of poor results with recorded data, and remedies.
+    """Return a note with likely causes of poor results on recorded data, and with remedies.
 
-    Simulated data get no advice, because their faults are known.
+    For simulated data, the list is empty, because the faults of simulated data are known.
     """
     recorded = [cell for cell in cells if cell["data"]]
     if not recorded:

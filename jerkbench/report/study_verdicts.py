@@ -1,4 +1,4 @@
-"""The verdicts of a study: all pairs of methods of each scenario, tested once for all tables and the report."""
+"""The verdicts of a study. All pairs of methods are tested once, and all tables and the report use these verdicts."""
 
 import itertools
 import math
@@ -45,12 +45,12 @@ Pair = tuple[Combination, Combination]
 
 
 class StudyVerdicts(NamedTuple):
-    """The comparisons of a study in one metric.
+    """All comparisons of the methods of a study for one metric.
 
     Attributes:
         groups: runs of each combination.
-        judged: comparisons that are tested together as one family, by the pair of combinations.
-        standings: competing combinations (rivals) of each scenario, and their comparisons.
+        judged: comparisons whose tests are corrected together (one family), by the pair of combinations.
+        standings: for each scenario, the competing combinations (rivals) and their comparisons.
         rule: margin and level of the verdicts.
     """
 
@@ -60,7 +60,7 @@ class StudyVerdicts(NamedTuple):
     rule: VerdictRule
 
     def compare(self, pairs: Iterable[Pair]) -> list[Comparison]:
-        """Return the comparisons of ``pairs``. Pairs that are not in ``judged`` are tested as a separate family."""
+        """Return the comparisons of ``pairs``. The tests of pairs outside ``judged`` are corrected separately."""
         pairs = list(pairs)
         outside = [(a, b) for a, b in pairs if (a, b) not in self.judged and (b, a) not in self.judged]
         others = compare_runs(((self.groups[a], self.groups[b]) for a, b in outside), self.rule)
@@ -68,7 +68,7 @@ class StudyVerdicts(NamedTuple):
         return [known[pair] if pair in known else known[pair[::-1]].swapped for pair in pairs]
 
     def against(self, baseline: Mapping[str, str]) -> list[Comparison]:
-        """Return the comparison of each combination with its partner for this ``baseline`` (see `partners`).
+        """Return the comparison of each combination with its partner, which has the values of ``baseline``.
 
         Raises:
             JerkbenchError: no combination has the values of ``baseline``.
@@ -85,18 +85,18 @@ def study_verdicts(
 ) -> StudyVerdicts:
     """Return the verdicts of a study.
 
-    The rivals of a scenario differ only in the factors of a method. All factors that do not define a method define the
-    scenario. The comparisons of all pairs of rivals in all scenarios form one family. The family also contains each
-    pair of a reference method (see `competes`) and another combination, if both differ in only one factor.
+    The factors that do not define a method define the scenario. The rivals of a scenario are the combinations that
+    compete with each other, and differ only in the factors of a method. All pairs of rivals in all scenarios form one
+    family, which means that their tests are corrected together. The family also contains pairs of a reference method
+    (see `competes`) and another combination that differ in only one factor.
 
-    If there are more than ``most`` pairs, or if the best value of the metric is not the lowest value, nothing is
-    compared.
+    Nothing is compared if there are more than ``most`` pairs, or if lower values of the metric are not better.
 
     Args:
         rows: one row for each combination and seed.
-        metric: column that is compared.
-        method: factors that define a method. The default is `METHOD`, or the attitude if the attitude varies and no
-            factor of `METHOD` varies.
+        metric: column of the metric that is compared.
+        method: factors that define a method. The default is `METHOD`. If the attitude filter varies and no factor in
+            `METHOD` varies, the default is the attitude filter.
         rule: margin and level of the verdicts.
         most: maximum number of pairs that are compared.
 
@@ -114,7 +114,7 @@ def study_verdicts(
     for key in groups:
         fields.setdefault(key._replace(**dict.fromkeys(method, "")), []).append(key)
     few = sum(math.comb(len(field), 2) for field in fields.values()) <= most  # an upper bound of the number of pairs
-    pairs = [  # all pairs of rivals, and pairs of a reference and a combination that differ in one factor
+    pairs = [  # pairs of rivals, and pairs with a reference method that differ in one factor
         (a, b)
         for field in fields.values()
         for a, b in itertools.combinations(field if few else (), 2)
@@ -127,7 +127,7 @@ def study_verdicts(
 
 
 def is_rival(combination: Combination, method: Sequence[str]) -> bool:
-    """Return whether a combination competes. The reference attitude does not compete with estimated attitudes."""
+    """Return whether a combination competes. The true attitude does not compete with attitude filters."""
     is_reference = "attitude" in method and combination.attitude.partition("(")[0] == REFERENCE_ATTITUDE
     return competes(combination._asdict()) and not is_reference
 
@@ -146,7 +146,7 @@ def _standing(
     )
 
 
-# Methods over all scenarios of a study: ranks and their ranges, and ratios of two methods.
+# Comparison of methods over all scenarios of a study: ranks with confidence ranges, and error ratios.
 
 _MAX_METHODS = 5
 """Maximum number of methods that the sentence about ranks lists."""
@@ -163,11 +163,11 @@ The logarithm is infinite for failed runs.
 
 
 def across(verdicts: StudyVerdicts) -> list[str]:
-    """Return sentences that compare the methods over all scenarios, or an empty list if `common_runs` returns None.
+    """Return sentences that compare the methods over all scenarios. If `common_runs` returns None, the list is empty.
 
-    Two of the sentences compare the best method with the second best and the worst method. Only methods without failed
-    runs are considered. The methods are ranked by the same errors from which the intervals are computed. The intervals
-    are therefore corrected for all pairs of methods (Bonferroni).
+    The first sentence states ranks. Two sentences compare the best method without failed runs with the second best and
+    with the worst method. The methods to compare are selected by the same errors from which the intervals are computed.
+    Therefore, the intervals are corrected for the number of all pairs of methods (Bonferroni).
     """
     common = common_runs(verdicts)
     if common is None:
@@ -193,10 +193,10 @@ def across(verdicts: StudyVerdicts) -> list[str]:
 
 
 def common_runs(verdicts: StudyVerdicts) -> CommonRuns | None:
-    """Return the errors of the methods that ran in all scenarios, on their common seeds.
+    """Return the errors, on all common seeds, of the methods that ran in all scenarios.
 
-    Return None for fewer than two scenarios or methods, without a common seed, for phases, and if an error is 0 or
-    missing.
+    Return None if the study has fewer than two scenarios or methods, no common seed, phases instead of seeds, or an
+    error that is 0 or missing.
     """
     runs = [
         {standing.name(rival): verdicts.groups[rival] for rival in standing.rivals} for standing in verdicts.standings
@@ -210,6 +210,6 @@ def common_runs(verdicts: StudyVerdicts) -> CommonRuns | None:
     errors = np.array(
         [[scenario[name].errors[np.isin(scenario[name].seeds, list(seeds))] for name in methods] for scenario in runs]
     ).transpose(0, 2, 1)
-    if not (errors > 0).all():  # 0 and NaN have no finite logarithm
+    if not (errors > 0).all():  # the logarithm of 0 or NaN is not finite
         return None
     return [", ".join(standing.scenario) for standing in verdicts.standings], methods, np.log(errors)

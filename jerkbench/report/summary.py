@@ -1,4 +1,4 @@
-"""Tables with footnotes, computed from the rows of runs, and the three table files of a study."""
+"""Tables with footnotes, which are computed from the result rows, and the three table files of a study."""
 
 import dataclasses
 import itertools
@@ -43,7 +43,7 @@ _MAX_BOUNDS = 6
 
 
 def with_bounds(table: Table, rows: "pd.DataFrame") -> Table:
-    """Return ``table`` with a row for each known bound of the position RMSE, if the rows of the table are filters."""
+    """If the rows of ``table`` are filters, add a row for the known bound of the position RMSE of each scenario."""
     if table.metric != MAIN or "filter" not in table.row_keys or set(_SCENARIO) & set(table.column_keys):
         return table
     bounds, lines = known_bounds(rows), list(zip(table.rows, table.cells, strict=True))
@@ -60,7 +60,7 @@ def with_bounds(table: Table, rows: "pd.DataFrame") -> Table:
 
 
 def bound_note(metric: str, rows: "pd.DataFrame") -> Iterator[str]:
-    """Yield the footnote that lists the known bounds and the number of scenarios without a bound."""
+    """Yield a footnote with the known lower bounds of the position RMSE and the number of scenarios without a bound."""
     if metric != MAIN or _BOUND not in rows.columns:
         return
     bounds = known_bounds(rows)
@@ -75,7 +75,7 @@ def bound_note(metric: str, rows: "pd.DataFrame") -> Iterator[str]:
 
 
 def known_bounds(rows: "pd.DataFrame") -> dict[tuple[str, ...], TableCell]:
-    """Return the known bound of each scenario: the root mean square of the bounds over its seeds."""
+    """Return the known lower bound of the position RMSE of each scenario: the root mean square over the seeds."""
     if _BOUND not in rows.columns:
         return {}
     known = rows[np.isfinite(rows[_BOUND].to_numpy(dtype=float)) & (rows["status"] == "ok").to_numpy()]
@@ -92,7 +92,7 @@ def _scenario(table: Table, row: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(values[key] for key in _SCENARIO)
 
 
-# Footnotes of a table: constant factors, the meaning of the numbers, and failures.
+# Footnotes of a table: constant factors, explanation of the numbers, and failures.
 
 REASONS = 3
 """Maximum number of reasons of failures that a footnote lists."""
@@ -111,12 +111,12 @@ _BEST = "Bold: best in the row. No other method is significantly better, and at 
 
 
 def footnoted(table: Table, rows: "pd.DataFrame", notes: Sequence[str] = (), family: str = "") -> Table:
-    """Return ``table`` with the known bounds of the position RMSE and with footnotes.
+    """Return ``table`` with added footnotes, and with added rows for known bounds of the position RMSE.
 
     Args:
         table: table without footnotes.
         rows: one row for each run.
-        notes: further footnotes, which come last.
+        notes: further footnotes, which are added after the other footnotes.
         family: footnote about the significance tests.
     """
     table = with_bounds(table, rows)
@@ -129,7 +129,7 @@ def footnoted(table: Table, rows: "pd.DataFrame", notes: Sequence[str] = (), fam
 
 
 def _reading(table: Table, cells: list[TableCell]) -> Iterator[str]:
-    """Yield the footnotes about the averages, their intervals and the best methods."""
+    """Yield footnotes that explain the averages, the intervals, and the marks of the best methods."""
     seeded = [c for c in cells if c.interval and c.replicate == "seed"]
     for kind, template in _KINDS.items():
         used = [cell.runs if kind == MEDIAN else cell.used for cell in seeded if cell.kind == kind]
@@ -159,7 +159,7 @@ def _reading(table: Table, cells: list[TableCell]) -> Iterator[str]:
 
 
 def _ratios(table: Table, cells: list[TableCell], family: str) -> Iterator[str]:
-    """Yield the footnotes about the ratios to the baseline and their marks."""
+    """Yield footnotes that explain the ratios to the baseline and the marks of these ratios."""
     baseline = ", ".join(f"{key}={value}" for key, value in table.baseline)
     if any(c.factor for c in cells):
         yield f"×r: geometric mean of the ratio to {baseline} over the common seeds; median if runs failed."  # noqa: RUF001
@@ -181,7 +181,7 @@ def _meaning(table: Table, cells: list[TableCell]) -> Iterator[str]:
 
 
 def _outages(table: Table, rows: "pd.DataFrame") -> Iterator[str]:
-    """Yield the footnote with the number of outages per run for which the error at the end of the outage is known."""
+    """Yield a footnote with the number of outages of a run that have a known error at the end of the outage."""
     if table.metric in ("outage_end_m", "outage_end_max_m") and "outages_counted" in rows.columns:
         counts = rows.loc[rows["status"] == "ok", "outages_counted"].dropna()
         ends = dict.fromkeys(f"{int(of(counts))}" for of in (min, max) if len(counts))
@@ -190,7 +190,7 @@ def _outages(table: Table, rows: "pd.DataFrame") -> Iterator[str]:
 
 
 def _trouble(cells: list[TableCell], rows: "pd.DataFrame") -> Iterator[str]:
-    """Yield the footnotes about failed runs, with the interval of each failure rate that occurs."""
+    """Yield footnotes about diverged and failed runs, with the confidence interval of each failure rate."""
     if any(c.locked for c in cells):
         yield f"k/n locked out: the errors of k of n runs exceed {OUTLIER_FACTOR:g} times the median."
     if any((c.diverged or c.failed) and c.used for c in cells):
@@ -242,13 +242,13 @@ def summarise(
         rows: one row for each combination and seed. The columns are the six factors, seed, replicate ("seed" or
             "phase"), status ("ok", "diverged", "failed"), reason, and the metrics.
         metric: column of the metric.
-        row_keys: factors of the rows. The default is all varying factors that are not factors of the columns.
-        column_keys: factors of the columns. The default is usually the adaptation (see `columns.layout`).
+        row_keys: factors that define the rows (by default, all varying factors that do not define the columns).
+        column_keys: factors that define the columns (by default, usually the adaptation; see `columns.layout`).
         notes: further footnotes, for example about combinations that were left out.
-        baseline: values of the factors that define the baseline. Each cell gets its ratio to the combination that
-            differs only in these factors.
-        verdicts: verdicts of the study in this metric, for the ratios and the best methods. If ``verdicts`` is None,
-            the verdicts are computed.
+        baseline: values of the factors that define the baseline. For each cell, the ratio to the combination that
+            differs only by having these values is computed.
+        verdicts: verdicts of the study for this metric, which determine the ratios and the best methods. If
+            ``verdicts`` is None, the verdicts are computed from ``rows``.
         leaders: whether to mark the best methods of each row.
 
     Raises:
@@ -270,21 +270,22 @@ def summarise(
 def main_metric(rows: "pd.DataFrame") -> str:
     """Return the main metric of a study.
 
-    The main metric is the first metric of `LEADING` that has a value in a successful run. Without such a metric, the
-    main metric is the first other metric with a value, or `MAIN` if no metric has a value.
+    The main metric is the first metric of `LEADING` that has a value in a successful run. If no metric of `LEADING` has
+    a value, the main metric is the first other metric with a value. If no metric has a value, the main metric is
+    `MAIN`.
     """
     valued = [column for column in metric_columns(rows) if rows.loc[rows["status"] == "ok", column].notna().any()]
     return next(iter([*(metric for metric in LEADING if metric in valued), *valued]), MAIN)
 
 
 def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerdicts) -> dict[Values, TableCell]:
-    """Return ``cells`` with marks for the best methods of each row.
+    """Return ``cells`` in which the best methods of each row are marked.
 
-    A row gets marks only if its columns are methods, and at least one method is significantly worse than another. If
-    some of the best methods have no failed runs and no missing values, only these methods are marked. Runs without
-    seeds are not tested, so they get no marks.
+    Methods in a row are marked only if the columns are methods, and if at least one method is significantly worse than
+    another. If some of the best methods have neither failed runs nor missing values, only these methods are marked.
+    Phases of a recording are not tested, so their rows have no marks.
     """
-    if not verdicts.judged or not grid.down or {"dataset", "disturbance"} & set(grid.down):  # the columns are scenarios
+    if not verdicts.judged or not grid.down or {"dataset", "disturbance"} & set(grid.down):  # columns are scenarios
         return cells
     factors = grid.rows[[*FACTORS]].to_numpy(dtype=str)
     places = {Combination(*map(str, factors[runs[0]])): position for position, runs in grid.runs.items()}
@@ -302,7 +303,7 @@ def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerd
     marked = dict(cells)
     for row, field in rows.items():
         leaders = [places[key] for key in leaders_of(field, [compared[pair] for pair in pairs[row]])]
-        complete = [position for position in leaders if cells[position].complete]  # no failed or missing runs
+        complete = [position for position in leaders if cells[position].complete]  # without failed or missing runs
         for position in (complete or leaders) if len(leaders) < len(field) else ():
             marked[position] = marked[position]._replace(best=True)
     return marked
@@ -312,7 +313,7 @@ def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerd
 
 
 def sections_wanted() -> list[str]:
-    """Return the metrics that have a section after the main table in table.md, in the order of the sections."""
+    """Return the metrics whose tables follow the main table in table.md, in the order of these tables."""
     return sorted((name for name, of in declared().items() if of.section), key=lambda name: declared()[name].section)
 
 
@@ -328,7 +329,7 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
     Args:
         rows: one row for each combination and seed, as for `summarise`.
         folder: folder of the files. The folder is created if it does not exist.
-        notes: further footnotes of the main table.
+        notes: further footnotes for the main table.
     """
     first = main_metric(rows)
     main = summarise(rows, first, notes=notes)
@@ -336,7 +337,7 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
     sections, wanted = {first: markdown(main, level=1)}, sections_wanted()
 
     def tables() -> Iterator[Table]:
-        """Yield all tables of table.csv, and add the sections of table.md, which use the same cells."""
+        """Yield all tables for table.csv. The sections of table.md are created from the same cells."""
         yield main
         for metric in metric_columns(rows):
             if metric != first:
@@ -357,10 +358,10 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
 
 
 def _section(grid: Grid, metric: str, cells: dict[Values, TableCell], known: Sequence[str]) -> str:
-    """Return the section of a further metric in table.md, or an empty text if the metric has no values.
+    """Return the section of table.md for a metric other than the main metric. Without values, the text is empty.
 
-    The best methods of a row are marked if the study has at most `FEW` combinations. The footnotes ``known`` of the
-    main table are not repeated.
+    The best methods of a row are marked if the study has at most `FEW` combinations. Footnotes in ``known``, which are
+    already below the main table, are left out.
     """
     if all(math.isnan(cell.mean) for cell in cells.values()):
         return ""

@@ -1,4 +1,4 @@
-"""The data model of tables, which all writers read, and the assignment of the runs of a study to table cells."""
+"""The data model of tables, from which all output formats are written, and the assignment of runs to table cells."""
 
 import math
 from collections import Counter
@@ -31,28 +31,27 @@ TextPart = tuple[str, str]
 
 
 class TableCell(NamedTuple):
-    """The results of one combination over all its runs.
+    """The results of one combination, averaged over all its runs.
 
     Attributes:
-        mean: average of the runs, as defined by ``kind``. ``mean`` is NaN if no run has a value, and infinite if the
-            median run failed.
-        low: lower end of the 95 % interval (seeds), or the smallest value (phases), NaN if unknown.
-        high: upper end of the 95 % interval (seeds), or the largest value (phases), NaN if unknown.
-        runs: number of all runs, including the failed ones.
+        mean: average of the runs (see ``kind``), NaN if no run has a value, and infinite if the median run failed.
+        low: lower end of the 95 % interval of the average (for phases, the smallest value), NaN if unknown.
+        high: upper end of the 95 % interval of the average (for phases, the largest value), NaN if unknown.
+        runs: number of all runs, including diverged and failed runs.
         diverged: number of runs that diverged.
         failed: number of runs that raised an error.
         missing: number of successful runs without a value of the metric (NaN).
-        replicate: "seed" (independent runs) or "phase" (parts of one recording, not independent).
+        replicate: "seed" if the runs are independent, or "phase" if they are phases of one recording.
         kind: kind of the average: "median", "geometric mean" or "mean". The median includes failed runs as infinite
             values. The geometric mean of the successful runs is used for fewer than six seeds and for phases. The mean
             of the successful runs is used for metrics that are not errors.
-        locked: number of successful runs whose error is more than ten times the median error.
-        quartiles: lower and upper quartile of the runs, NaN without a value.
+        locked: number of successful runs whose error is more than ten times the median error of the combination.
+        quartiles: lower and upper quartile of the metric over the runs, NaN if no run has a value.
         geometric: geometric mean of the successful runs, NaN if unknown.
-        recording_interval: whether the interval was estimated from a single recording (metric one_recording). The ends
-            of this interval are NaN if the recording is too short.
+        recording_interval: whether ``low`` and ``high`` were estimated from a single recording by the metric
+            one_recording. If the recording is too short, ``low`` and ``high`` are NaN.
         best: whether the combination is one of the best in its row of the table.
-        ratio: comparison with the baseline. ``ratio`` is None without a baseline, and for the baseline itself.
+        ratio: comparison with the baseline, or None for a table without a baseline and for the baseline itself.
     """
 
     mean: float
@@ -73,29 +72,29 @@ class TableCell(NamedTuple):
 
     @property
     def complete(self) -> bool:
-        """True if every run succeeded and has a value."""
+        """True if every run succeeded and has a value of the metric."""
         return self.used == self.runs and math.isfinite(self.mean)
 
     @property
     def used(self) -> int:
-        """The number of successful runs with a value."""
+        """The number of successful runs that have a value of the metric."""
         return self.runs - self.diverged - self.failed - self.missing
 
     @property
     def text(self) -> str:
-        """The text of the cell on one line: all texts of `parts`."""
+        """The text of the cell on one line: the texts that `parts` returns, joined by spaces."""
         return " ".join(text for text, _ in parts(self))
 
     @property
     def number(self) -> str:
-        """The average as text, "n/a" if the metric does not apply, or an empty text if no run succeeded."""
+        """Text with the average, "n/a" if the metric does not apply, or an empty text if no run succeeded."""
         if self.diverged + self.failed == self.runs:
             return ""
         return "n/a" if math.isnan(self.mean) else _number_or_failed(self.mean)
 
     @property
     def interval(self) -> str:
-        """The interval in brackets, or the range over phases in braces. The text is empty if both are unknown."""
+        """Text with the interval in brackets, or with the range over phases in braces, or an empty text if unknown."""
         if math.isnan(self.low) or math.isnan(self.high) or not self.used:
             return ""
         low, high = _number_or_failed(self.low), _number_or_failed(self.high)
@@ -104,21 +103,21 @@ class TableCell(NamedTuple):
 
     @property
     def geometric_text(self) -> str:
-        """The geometric mean of the successful runs as text, or an empty text if the average is not a median."""
+        """If the average is a median, text with the geometric mean of the successful runs, otherwise an empty text."""
         return f"gm {number(self.geometric)}" if self.kind == MEDIAN and math.isfinite(self.geometric) else ""
 
     @property
     def factor(self) -> str:
-        """The ratio to the baseline with its mark, or only the mark if the median run of one method failed."""
+        """Text with the ratio to the baseline and the mark of the verdict, or only the mark without a ratio."""
         if self.ratio is None:
             return ""
         return f"×{self.ratio.ratio_text}{self.ratio.mark}" if self.ratio.ratio_text else self.ratio.mark  # noqa: RUF001
 
     @property
     def trouble(self) -> str:
-        """The numbers of runs that diverged, failed, have no value, or rejected all later measurements (lock-out).
+        """Text with the numbers of runs that diverged, failed, have no value, or are outliers ("locked out").
 
-        Numbers of 0 are left out.
+        Numbers that are 0 are left out.
         """
         counts = [("diverged", self.diverged), ("failed", self.failed), ("n/a", self.missing if self.used else 0)]
         if self.diverged + self.failed == self.runs:
@@ -129,21 +128,21 @@ class TableCell(NamedTuple):
 
 @dataclass(frozen=True)
 class Table:
-    """The results of one metric. Some factors define the rows, and other factors define the columns.
+    """The table of one metric. Some factors of the study define the rows, and other factors define the columns.
 
     Attributes:
-        title: title with the unit.
+        title: title of the table, which contains the unit.
         metric: column name of the metric.
-        unit: unit of all numbers. The unit of a dimensionless metric is empty.
-        row_keys: factors of the rows, such as ("filter",).
-        column_keys: factors of the columns.
-        rows: values of ``row_keys``, one tuple for each row.
-        columns: values of ``column_keys``, one tuple for each column.
-        cells: one tuple of cells for each row. A cell is None if its combination does not exist.
-        constants: factors that define neither rows nor columns, and the only value of each factor.
+        unit: unit of all numbers in the cells, or an empty text for a dimensionless metric.
+        row_keys: factors that define the rows, such as ("filter",).
+        column_keys: factors that define the columns, such as ("adaptation",).
+        rows: labels of each row, as a tuple with one value for each factor in ``row_keys``.
+        columns: labels of each column, as a tuple with one value for each factor in ``column_keys``.
+        cells: one tuple of cells for each row. A cell is None if its combination was not run.
+        constants: pairs of a factor that defines neither rows nor columns, and the constant value of this factor.
         footnotes: footnotes below the table.
-        baseline: factors and values of the baseline of the ratios. ``baseline`` is empty for a table without ratios.
-        average: most frequent kind of average among the cells.
+        baseline: factors and values of the baseline to which ratios are computed, empty for a table without ratios.
+        average: most frequent kind of average in the cells, for example "median".
     """
 
     title: str
@@ -165,7 +164,10 @@ class Table:
         return markdown(self)
 
     def to_latex(self) -> str:
-        """Return the table as LaTeX, as `jerkbench table --format tex` does. The first line lists the packages."""
+        """Return the table as LaTeX, as `jerkbench table --format tex` does.
+
+        The first line is a comment with the required packages.
+        """
         from jerkbench.report.writers import latex
 
         return latex(self)
@@ -182,14 +184,14 @@ class Table:
 
     @property
     def sparse_rows(self) -> list[list[str]]:
-        """The labels of each row. Leading labels that are equal to the labels of the row above are empty."""
+        """The labels of each row. Leading labels that repeat the row above are replaced by empty texts."""
         return [
             ["" if k + 1 < len(row) and row[: k + 1] == before[: k + 1] else value for k, value in enumerate(row)]
             for row, before in zip(self.rows, [(), *self.rows], strict=False)
         ]
 
     def placed(self) -> "Iterator[tuple[dict[str, str], TableCell]]":
-        """Yield the values of all factors and the cell of each existing combination."""
+        """For each combination that was run, yield the labels of all factors and the cell."""
         keys, constants = (*self.row_keys, *self.column_keys), dict(self.constants)
         for row, cells in zip(self.rows, self.cells, strict=True):
             for column, cell in zip(self.columns, cells, strict=True):
@@ -201,7 +203,7 @@ ABSENT = "–"  # noqa: RUF001 - the usual sign for a combination that does not 
 
 
 def parts(cell: TableCell | None) -> list[TextPart]:
-    """Return the non-empty texts of a cell, in this order: number, interval, geometric mean, ratio, failures."""
+    """Return the non-empty texts of a cell with their styles: number, interval, geometric mean, ratio, failures."""
     if cell is None:
         return [(ABSENT, "absent")]
     number = (cell.number, "best" if cell.best else "number")
@@ -211,7 +213,7 @@ def parts(cell: TableCell | None) -> list[TextPart]:
 
 
 def _number_or_failed(value: float) -> str:
-    """Return a number as text, or "failed" for infinity, which represents a failed run."""
+    """Return text with a number. For infinity, which represents a failed run, the text is "failed"."""
     return "failed" if value == math.inf else number(value)
 
 
@@ -230,7 +232,7 @@ def number(value: float) -> str:
 
 
 def factor_number(value: float) -> str:
-    """Return the text of a ratio, as `number` does, with more digits if they are needed to distinguish it from 1.
+    """Return the text of a ratio in the format of `number`. A ratio close to 1 has enough digits to differ from 1.
 
     >>> factor_number(0.5), factor_number(0.9982), factor_number(1.0004), factor_number(1.0)
     ('0.500', '0.998', '1.0004', '1.00')
@@ -241,7 +243,7 @@ def factor_number(value: float) -> str:
     return f"{value:.{min(9, math.ceil(-math.log10(abs(value - 1))))}f}"
 
 
-# The grid assigns runs to cells, and is the same for all metrics. The cells of each metric are computed from the grid.
+# The grid assigns runs to the cells of a table. All metrics of a study use the same grid.
 
 
 RECORDING_INTERVAL = {MAIN: ("position_rmse_low_m", "position_rmse_high_m")}
@@ -256,19 +258,19 @@ class Grid:
     """The assignment of runs to the cells of a table.
 
     Attributes:
-        rows: one row for each run. The columns of the factors contain text.
-        across: factors of the rows of the table.
-        down: factors of the columns of the table.
-        row_values: values of the factors ``across`` for each row of the table.
-        column_values: values of the factors ``down`` for each column of the table.
-        runs: row numbers in ``rows`` of the runs of each cell. The keys are the values of the factors ``across`` and
-            ``down``.
-        order: row numbers of all runs, sorted by cell.
-        ok: whether each run succeeded. The runs are in the order of ``order``.
+        rows: one row for each run. The columns of the factors must contain text.
+        across: factors that define the rows of the table.
+        down: factors that define the columns of the table.
+        row_values: for each row of the table, the labels of the factors in ``across``.
+        column_values: for each column of the table, the labels of the factors in ``down``.
+        runs: for each cell, the row numbers of its runs in ``rows``. A key contains the labels of the factors in
+            ``across`` and ``down``.
+        order: row numbers of all runs in ``rows``, sorted by cell.
+        ok: (runs,) whether each run succeeded, in the order of ``order``.
         sizes: number of runs of each cell.
         diverged: number of diverged runs of each cell.
         failed: number of failed runs of each cell.
-        phases: whether the runs of each cell are phases of one recording instead of seeds.
+        phases: for each cell, whether its runs are phases of one recording instead of seeds.
     """
 
     rows: "pd.DataFrame"
@@ -285,22 +287,23 @@ class Grid:
     phases: BoolArray
 
     def samples(self, column: str) -> Samples:
-        """Return the values of a column as one sample for each cell."""
+        """Return the values of a column of ``rows``, divided into one sample for each cell."""
         return Samples(self.rows[column].to_numpy(dtype=float)[self.order], self.sizes)
 
     def cells(self, metric: str) -> dict[Values, TableCell]:
-        """Return all cells of a table with the averages of a metric.
+        """Return all cells of a table, with the averages of one metric.
 
-        Phases get the interval of their recording if it was computed, otherwise the range of their values.
+        For phases, the interval of the recording is used if the metric one_recording computed it, otherwise the range
+        of the values.
         """
         values = self.samples(metric)
         good = values.only(self.ok)
         missing = good.count(np.isnan(good.values))
-        # A geometric mean, or a median in which failures are infinite, is defined only for errors.
+        # Geometric means, and medians in which failures count as infinite, are meaningful only for errors.
         if quantity(metric).lowest_is_best and not np.less(good.values, 0).any():
             least = np.where(self.phases, np.inf, MIN_SEEDS)
             errors = np.where(self.ok, values.values, np.inf)
-            errors[(missing == good.sizes)[values.owner]] = np.nan  # if no run has a value, the metric does not apply
+            errors[(missing == good.sizes)[values.owner]] = np.nan  # the metric does not apply if no run has a value
             averages = centres(Samples(errors, values.sizes), least=least)
         else:
             averages = no_centres(len(self.runs), MEAN)
@@ -331,7 +334,7 @@ class Grid:
         return cells
 
     def table(self, metric: str, cells: Mapping[Values, TableCell]) -> Table:
-        """Return the table with these ``cells`` and without footnotes."""
+        """Return the table of a metric with the given ``cells``. The table has no footnotes yet."""
         lines = ((cells.get((*row, *column)) for column in self.column_values) for row in self.row_values)
         constants = ((key, self.rows[key].iloc[0]) for key in FACTORS if key not in (*self.across, *self.down))
         return Table(
@@ -347,7 +350,7 @@ class Grid:
 
 
 def arranged(rows: "pd.DataFrame", row_keys: Sequence[str] | None, column_keys: Sequence[str] | None) -> Grid:
-    """Return the grid of a table with these factors. Factors that are None are selected by `layout`.
+    """Return the grid of a table with the given factors. For factors that are None, `layout` selects the factors.
 
     Raises:
         JerkbenchError: a factor is unknown, or two rows have the same combination and seed.
@@ -366,7 +369,7 @@ def arranged(rows: "pd.DataFrame", row_keys: Sequence[str] | None, column_keys: 
 
 
 def _grouped(values: Iterable[Values]) -> tuple[Values, ...]:
-    """Return the distinct combinations of values. The values of each factor are in the order of first appearance."""
+    """Return the distinct combinations of labels, sorted by the first appearance of each label."""
     found = list(dict.fromkeys(values))
     ranks = [{value: rank for rank, value in enumerate(dict.fromkeys(of))} for of in zip(*found, strict=True)]
     return tuple(sorted(found, key=lambda one: [rank[value] for rank, value in zip(ranks, one, strict=True)]))

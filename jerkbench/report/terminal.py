@@ -21,7 +21,7 @@ MAX_ROWS = 500
 """Maximum number of rows that a sweep prints at its end."""
 
 _STYLES = {"best": "bold", "trouble": "red", "absent": "dim"}
-"""Rich style of each kind of text in a cell. Other kinds have no style."""
+"""Rich style of each kind of text in a cell. Kinds of text that are not listed have no style."""
 
 
 def print_table(rows: "pd.DataFrame", notes: Sequence[str] = (), metric: str | None = None) -> None:
@@ -30,7 +30,7 @@ def print_table(rows: "pd.DataFrame", notes: Sequence[str] = (), metric: str | N
 
 
 def print_beginning(table: Table) -> None:
-    """Print the first `MAX_ROWS` rows of a table."""
+    """Print at most the first `MAX_ROWS` rows of a table."""
     if len(table.rows) > MAX_ROWS:
         left_out = f"These are the first {MAX_ROWS} of {len(table.rows)} rows; table.md has all."
         first = table.rows[:MAX_ROWS], table.cells[:MAX_ROWS]
@@ -39,7 +39,7 @@ def print_beginning(table: Table) -> None:
 
 
 def print_summary(table: Table) -> None:
-    """Print all rows of a table. If the output is a pipe, each cell is on one line."""
+    """Print all rows of a table. If the output is a pipe, each cell is printed on one line."""
     console = _console()
     _print(terminal_table(table, console.width if console.is_terminal else None))
 
@@ -67,10 +67,11 @@ def print_grid(title: str, header: Sequence[str], rows: Sequence[Sequence[str]],
 
 
 def terminal_table(table: Table, width: int | None) -> "Group":
-    """Return title, table and footnotes for a rich console. Repeated row labels are omitted, and failures are red.
+    """Return the title, the table and the footnotes in a form that a rich console prints.
 
-    If the table does not fit into ``width`` characters, the labels of each row become a heading, and each cell of the
-    row is one line below it. If ``width`` is None (a pipe), the best cells are marked as in Markdown.
+    Row labels that repeat the row above are omitted. Failures are printed in red. If the table does not fit into
+    ``width`` characters, the labels of each row become a heading, and each cell of the row is one line below it. If
+    ``width`` is None (for a pipe), the best cells are marked by asterisks as in Markdown.
     """
     grid = _grid(table.header, fixed=len(table.row_keys))
     for values, cells in zip(table.sparse_rows, table.cells, strict=True):
@@ -89,7 +90,7 @@ def _lines(table: Table) -> "Iterator[Text]":
 
 
 def _grid(names: Sequence[str], fixed: int = 0) -> "RichTable":
-    """Return an empty grid, whose first ``fixed`` columns are never wrapped."""
+    """Return an empty grid. The text in its first ``fixed`` columns is never wrapped."""
     from rich import box
     from rich.table import Table as RichTable
 
@@ -112,7 +113,7 @@ def _console() -> "Console":
 
 
 def _measured(drawn: "Group | RichTable") -> int:
-    """Return the width that a table needs so that no line is broken, in characters."""
+    """Return the minimum width [characters] at which no line of a table is wrapped."""
     from rich.measure import Measurement
 
     console = _console()

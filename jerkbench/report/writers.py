@@ -1,4 +1,4 @@
-"""Writers of tables (Markdown, LaTeX with siunitx 3, HTML, JSON, tidy CSV) and of the files of a single run."""
+"""Functions that write tables (Markdown, LaTeX with siunitx 3, HTML, JSON, tidy CSV) and files of a single run."""
 
 import csv
 import io
@@ -40,7 +40,7 @@ SPECIAL = {
     "\\": r"\textbackslash{}",
     "{": r"\{",
     "}": r"\}",
-    "[": "{[}",  # after a line break, LaTeX would parse a bracket as an argument
+    "[": "{[}",  # LaTeX would parse a bracket after a line break as an argument
     "]": "{]}",
     "_": r"\_",
     "%": r"\%",
@@ -85,7 +85,7 @@ FAILED_VALUE = "lost"
 
 
 def markdown(table: Table, level: int = 2) -> str:
-    """Return a Markdown section: a heading of ``level``, the table with aligned pipes, and a list of its footnotes."""
+    """Return a Markdown section: a heading of ``level``, the table with aligned columns, and a list of footnotes."""
     rows = [
         [
             *values,
@@ -99,7 +99,7 @@ def markdown(table: Table, level: int = 2) -> str:
 def markdown_grid(
     title: str, header: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str] = (), level: int = 2
 ) -> str:
-    """Return a Markdown section: a heading of ``level``, a table of texts with aligned pipes, and a list of notes."""
+    """Return a Markdown section: a heading of ``level``, a table of texts with aligned columns, and a list of notes."""
     lines = [[*map(_inactive, line)] for line in (header, *rows)]
     widths = [max(3, *map(len, column)) for column in zip(*lines, strict=True)]
     rule = "|" + "|".join("-" * (width + 2) for width in widths) + "|"
@@ -110,26 +110,26 @@ def markdown_grid(
 
 
 def plain_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
-    """Return rows of trusted texts as a Markdown table. The texts are not escaped."""
+    """Return rows of texts as a Markdown table. The texts are not escaped, so they must come from a trusted source."""
     lines = [[*map(str, line)] for line in (head, *rows)]
     return "\n".join("| " + " | ".join(line) + " |" for line in (lines[0], ["---"] * len(lines[0]), *lines[1:]))
 
 
 def passive(text: str) -> str:
-    """Return Markdown with escaped tags, images and links, which are then displayed as text."""
+    """Return Markdown in which HTML tags, images and links are escaped, so that they are displayed as text."""
     return ACTIVE.sub(r"\\\g<0>", text)
 
 
 def _inactive(text: str) -> str:
-    """Escape a text for a Markdown table. Pipes and line breaks would end the cell, and tags would be interpreted."""
+    """Escape a text for a Markdown table, in which pipes and line breaks would end a cell."""
     return passive(" ".join(text.split())).replace("|", r"\|")
 
 
 def latex(table: Table) -> str:
-    """Return a ``table`` environment with caption, booktabs rules, aligned numbers and footnotes.
+    """Return a LaTeX ``table`` with caption, booktabs rules, aligned numbers and footnotes.
 
     A table that is too long for a page is written as a ``longtable``, which repeats its header on each page. The first
-    line of the text is a comment with the required LaTeX packages.
+    line of the result is a comment that lists the required LaTeX packages.
     """
     keys = len(table.row_keys)
     columns = "l" * keys + "".join(map(_column_type, zip(*table.cells, strict=True)))
@@ -164,7 +164,7 @@ def latex_escaped(text: str) -> str:
 
 
 def _lines(values: Sequence[str], cells: Sequence[TableCell | None]) -> list[str]:
-    """Return the LaTeX lines of a row, without page breaks: the numbers, and below them the intervals and failures."""
+    """Return the LaTeX lines of a table row: a line with the numbers, then lines with intervals and failures."""
     columns = [*([latex_escaped(value)] for value in values), *([*map(_small, parts(cell))] for cell in cells)]
     lines = [_line(texts) for texts in zip_longest(*columns, fillvalue="")]
     return [*(f"{line}*" for line in lines[:-1]), lines[-1]]
@@ -175,7 +175,7 @@ def _line(texts: Sequence[str]) -> str:
 
 
 def _small(part: TextPart) -> str:
-    """Return a part of a cell as LaTeX. All texts except plain numbers are in braces, so that siunitx ignores them."""
+    """Return a part of a cell as LaTeX. Texts that are not numbers are in braces, so that siunitx ignores the texts."""
     text, style = part
     if style not in ("best", "number", "absent"):
         return rf"{{{{\scriptsize {latex_escaped(text)}}}}}"
@@ -184,7 +184,7 @@ def _small(part: TextPart) -> str:
 
 
 def _column_type(cells: Sequence[TableCell | None]) -> str:
-    """Return a siunitx column type with space for the digits of its numbers, or "c" (centred) if it has none."""
+    """Return a siunitx column type that fits the digits of the numbers, or "c" (centred) without numbers."""
     numbers = [cell.number for cell in cells if cell is not None and _PLAIN.fullmatch(cell.number)]
     if not numbers:
         return "c"
@@ -193,7 +193,7 @@ def _column_type(cells: Sequence[TableCell | None]) -> str:
 
 
 def _titled(table: Table) -> str:
-    """Return the title as LaTeX. A unit in brackets at the end of the title becomes a siunitx unit."""
+    """Return the title of a table as LaTeX. A unit in brackets at the end becomes a siunitx unit."""
     unit = f" [{table.unit}]"
     if not table.unit or not table.title.endswith(unit):
         return latex_escaped(table.title)
@@ -203,8 +203,8 @@ def _titled(table: Table) -> str:
 def html_table(table: Table, level: int = 2) -> str:
     """Return an HTML ``section`` with a heading, a ``table`` (best cells are ``strong``), and a list of footnotes.
 
-    A row label that repeats the label above it has the class "same". The first row of a group has the class "group". A
-    row in which a factor other than the last one changes has the class "part".
+    A row label that is equal to the label above it has the class "same". The first row of a group has the class
+    "group". A row has the class "part" if the label of any factor except the last factor changes.
     """
     return render("table.html", table=table, level=level, absent=ABSENT)
 
@@ -239,7 +239,7 @@ def _json_values(cell: TableCell) -> dict[str, Any]:
 
 
 def _ratio_numbers(cell: TableCell) -> tuple[float, ...]:
-    """Return the ratio to the baseline, the ends of its interval and its p value, or an empty tuple without a ratio."""
+    """Return ratio to the baseline, lower and upper end of its interval, and p value. Without a ratio, return ()."""
     if cell.ratio is None:
         return ()
     judgement = cell.ratio.judgement
@@ -260,13 +260,13 @@ def tidy_csv(tables: Iterable[Table]) -> str:
 
 
 def write_tidy_csv(tables: Iterable[Table], file: TextIO) -> None:
-    """Write the text of `tidy_csv` table by table, so that only one table is in memory at a time.
+    """Write the text of `tidy_csv` to a file, table by table, so that only one table is in memory at a time.
 
-    The column "average" contains the kind of average in the column "mean": a mean, a geometric mean or a median. The
-    columns "low" and "high" are the ends of a confidence interval, or of a range if "replicate" is "phase". The column
-    "ratio" is the ratio to the baseline, and is empty without a baseline. The columns "lost_share_low" and
-    "lost_share_high" are the Clopper-Pearson interval of the failure rate. The column "geometric_mean" is the geometric
-    mean of the successful runs.
+    The column "average" states whether the column "mean" contains a mean, a geometric mean or a median. The columns
+    "low" and "high" are the ends of the confidence interval. If "replicate" is "phase", "low" and "high" are the ends
+    of the range over phases. The column "ratio" is the ratio to the baseline. Without a baseline, this column is empty.
+    The columns "lost_share_low" and "lost_share_high" are the Clopper-Pearson interval of the failure rate. The column
+    "geometric_mean" is the geometric mean of the successful runs.
     """
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(["metric", "unit", *FACTORS, *VALUES])
@@ -283,12 +283,12 @@ def write_tidy_csv(tables: Iterable[Table], file: TextIO) -> None:
 
 @cache
 def csv_text(text: str) -> str:
-    """Return ``text`` without formulas for a spreadsheet and without control characters for a terminal."""
+    """Return ``text`` such that a spreadsheet interprets no formula, and a terminal no control characters."""
     return plain(inert(text))
 
 
 def write_rows_csv(rows: pd.DataFrame, path: Path) -> None:
-    """Write rows as CSV. Missing values become empty fields, and texts are neutralised by `csv_text`."""
+    """Write rows as CSV. Missing values are written as empty fields, and texts as returned by `csv_text`."""
     written = {
         str(name): rows[name].map({v: csv_text(v) if isinstance(v, str) else v for v in rows[name].unique()})
         for name in rows
@@ -298,7 +298,7 @@ def write_rows_csv(rows: pd.DataFrame, path: Path) -> None:
 
 
 def inert(text: str) -> str:
-    """Return the text, with an apostrophe before it if a spreadsheet would interpret the text as a formula.
+    """Return the text. A text that a spreadsheet would interpret as a formula is returned with an apostrophe before it.
 
     >>> inert("=1+1")
     "'=1+1"
@@ -324,11 +324,13 @@ BREAKS = re.compile(r"(?<=\S[_+,(=])(?=\w)")
 
 
 def render(template: str, **values: object) -> "Markup":
-    """Return a rendered template. The result is marked as safe, so that other templates do not escape it again.
+    """Return the HTML text of a template with the given values.
+
+    The result is marked as safe, so that a template that contains the result does not escape it again.
 
     Args:
         template: file name of the template.
-        values: all variables of the template.
+        values: values of all variables that the template uses.
     """
     from markupsafe import Markup
 
@@ -353,7 +355,7 @@ def environment() -> "Environment":
 
 
 def policy(scripts: Sequence[str]) -> str:
-    """Return a Content-Security-Policy that allows only these ``scripts`` and forbids loading of other resources."""
+    """Return a Content-Security-Policy that allows only the given ``scripts``, and forbids loading other resources."""
     digests = " ".join(f"'sha256-{b64encode(sha256(text.encode()).digest()).decode()}'" for text in scripts)
     return (
         f"default-src 'none'; script-src {digests}; style-src 'unsafe-inline'; img-src data:; base-uri 'none';"
@@ -368,17 +370,18 @@ def breakable(text: object) -> "Markup":
     return Markup("<wbr>").join(escape(part) for part in BREAKS.split(str(text)))
 
 
-# Files of a single run for other programs: the trajectory in the TUM format, and the updates as CSV.
+# Files of a single run that other programs read: trajectories in the TUM format, and updates as CSV.
 
 
 def write_tum_pair(folder: Path, recording: Recording, estimate: Estimate, counted: BoolArray) -> list[Path]:
-    """Write estimate.tum and reference.tum with the counted rows in ENU at full precision, and return their paths.
+    """Write estimate.tum and reference.tum with the rows that metrics count, and return the paths of both files.
 
-    Both files contain the same stamps. The absolute trajectory error that other tools compute without alignment
-    therefore equals position_rmse_m. Unknown angles of the reference are written as 0.
+    Both files contain positions in ENU at full precision, with the same time stamps. Therefore, the absolute trajectory
+    error that other tools compute without alignment equals the metric position_rmse_m. Unknown angles of the reference
+    are written as 0.
 
     Raises:
-        JerkbenchError: no row has a reference.
+        JerkbenchError: no counted row has a reference position.
     """
     from scipy.spatial.transform import Rotation
 
@@ -419,11 +422,11 @@ UPDATE_COLUMNS = (
 
 
 def write_updates(path: Path, updates: Updates) -> None:
-    """Write a CSV file with a line for each update, at full precision.
+    """Write a CSV file that contains one line for each update, at full precision.
 
-    ``sigma_used`` is the square root of the diagonal of the R that the adaptation returned. ``sigma_used`` is infinite
-    if the adaptation dropped the row. Values of rows that were not measured are empty. ``nis`` is computed with the
-    reported R, and ``nis_used`` with the R that was used.
+    ``sigma_used`` is the square root of the diagonal of the R that the adaptation returned, and infinite for a
+    measurement that the adaptation dropped. The values of missing measurements are empty. The column ``nis`` is
+    computed with the reported R, and ``nis_used`` with the R that the adaptation returned.
 
     Raises:
         JerkbenchError: the run has no updates.

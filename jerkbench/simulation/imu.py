@@ -1,4 +1,4 @@
-"""Measurements of a simulated IMU, and its errors in the units of data sheets."""
+"""Measurements of a simulated IMU, and IMU errors in the units of data sheets."""
 
 from dataclasses import dataclass
 
@@ -12,16 +12,16 @@ from jerkbench.simulation.truth import Truth
 
 
 def perfect_imu(truth: Truth) -> tuple[FloatArray, FloatArray]:
-    """Return specific force and angular rate (n, 3) in the body frame, for each of the n intervals of ``truth``.
+    """Return the error-free specific force and angular rate (n, 3) in the body frame for the n intervals of ``truth``.
 
-    The gyro measures the mean rate of the rotation between both ends of the interval. The specific force of the
-    accelerometer, rotated with the mean of both attitudes, gives the change of the velocity::
+    The angular rate w is the mean rate of the rotation from the start to the end of the interval. The specific force f,
+    rotated with the mean of the attitudes at both ends, gives the change of the velocity::
 
         w_k = Log(Omega_{k-1}' Omega_k)/dt
         f_k = [(Omega_{k-1} + Omega_k)/2]^-1 ((v_k - v_{k-1})/dt + (0, 0, g))
 
-    Therefore, an integration with the true attitude gives exactly the true velocity. The difference between this
-    specific force and the mean specific force in the body frame is of second order in dt, like sculling and coning.
+    Therefore, integrating f with the true attitude gives exactly the true velocity. The difference between f and the
+    mean specific force in the body frame is of second order in dt, like sculling and coning.
     """
     from scipy.spatial.transform import Rotation
 
@@ -34,11 +34,12 @@ def perfect_imu(truth: Truth) -> tuple[FloatArray, FloatArray]:
 
 
 def saturate(force_mps2: FloatArray, false_mps2: FloatArray | None, range_g: float | None) -> FloatArray:
-    """Return the sum (n, 3) of true and false specific force, limited to +-``range_g`` and averaged over each sample.
+    """Add the false to the true specific force, limit the sum to +-``range_g``, and return its mean (n, 3) per sample.
 
     Args:
-        force_mps2: (n, 3) true specific force, which is constant over each sample [m/s2].
-        false_mps2: (n, m, 3) false specific force at m times within each sample [m/s2]; None for zero.
+        force_mps2: (n, 3) true specific force, assumed to be constant during each sample [m/s2].
+        false_mps2: (n, m, 3) false specific force at m times within each sample [m/s2]; None if the false force is
+            zero.
         range_g: measurement range of each axis in units of g; None for an unlimited range.
     """
     inner = force_mps2[:, None, :] if false_mps2 is None else force_mps2[:, None, :] + false_mps2
@@ -59,11 +60,11 @@ ALLAN_FLOOR = 0.664
 
 @dataclass(frozen=True)
 class SensorErrors:
-    """Errors of a sensor with three axes of the same quality, in SI units.
+    """Standard deviations, in SI units, of the errors of a sensor with three axes of the same quality.
 
-    A measurement is (I + M) y + b_0 + b(t) + noise, where y is the true value. The diagonal of M contains the errors of
-    the scale factors, and the other elements contain the misalignments. The turn-on bias is b_0. The variable bias b(t)
-    is a Gauss-Markov process with a correlation time of 100 s. M and b_0 are random constants for each axis and seed.
+    A measurement is (I + M) y + b_0 + b(t) + noise, where y is the true value. The matrix M contains the scale factor
+    errors on its diagonal, and the misalignments in its other elements. The turn-on bias is b_0. The variable bias b(t)
+    is a Gauss-Markov process with a correlation time of 100 s. For each seed, M and b_0 are random constants.
 
     Attributes:
         noise: standard deviation of the white noise of each sample.
@@ -85,8 +86,9 @@ class Grade:
     """Error parameters of an IMU in the units of a data sheet.
 
     Attributes:
-        angle_random_walk_deg_per_sqrt_h: angle random walk, the white noise of the gyro [deg/sqrt(h)].
-        velocity_random_walk_mps_per_sqrt_h: velocity random walk, the white noise of the accelerometer [m/s/sqrt(h)].
+        angle_random_walk_deg_per_sqrt_h: angle random walk caused by the white noise of the gyro [deg/sqrt(h)].
+        velocity_random_walk_mps_per_sqrt_h: velocity random walk caused by the white noise of the accelerometer
+            [m/s/sqrt(h)].
         gyro_instability_deg_per_h: minimum of the Allan deviation of the gyro [deg/h].
         accel_instability_mg: minimum of the Allan deviation of the accelerometer [mg].
         gyro_turn_on_deg_per_h: standard deviation of the turn-on bias of the gyro [deg/h].
@@ -107,7 +109,7 @@ class Grade:
     misalignment_mrad: float
 
     def gyro(self, rate_hz: float) -> SensorErrors:
-        """Return the errors of the gyro [rad/s] for samples that are means over 1/``rate_hz``."""
+        """Return the errors [rad/s] of gyro samples that are means over the interval 1/``rate_hz``."""
         per_hour = np.deg2rad(1.0) / 3600.0
         noise = float(np.deg2rad(self.angle_random_walk_deg_per_sqrt_h) / 60.0 * np.sqrt(rate_hz))
         wander = float(self.gyro_instability_deg_per_h * per_hour / ALLAN_FLOOR)
@@ -115,7 +117,7 @@ class Grade:
         return SensorErrors(noise, float(self.gyro_turn_on_deg_per_h * per_hour), wander, *axes)
 
     def accelerometer(self, rate_hz: float) -> SensorErrors:
-        """Return the errors of the accelerometer [m/s2] for samples that are means over 1/``rate_hz``."""
+        """Return the errors [m/s2] of accelerometer samples that are means over the interval 1/``rate_hz``."""
         per_mg = 1e-3 * GRAVITY_MPS2
         noise = float(self.velocity_random_walk_mps_per_sqrt_h / 60.0 * np.sqrt(rate_hz))
         wander = self.accel_instability_mg * per_mg / ALLAN_FLOOR
@@ -132,13 +134,13 @@ GRADES = {
 
 
 def with_sensor_errors(true: FloatArray, errors: SensorErrors, interval_s: float, seed: int, sensor: str) -> FloatArray:
-    """Return the measurements (n, 3) of a sensor with errors. Each kind of error has an independent random stream.
+    """Add errors to the measurements (n, 3) of a sensor. Each kind of error has an independent random stream.
 
     Args:
-        true: (n, 3) measurements of a sensor without errors.
+        true: (n, 3) measurements without errors.
         errors: standard deviations of the errors, in the unit of ``true``.
         interval_s: time between samples [s].
-        seed: seed of the run.
+        seed: seed of the random streams.
         sensor: name of the sensor, which selects the random streams.
     """
     noise = stream(seed, "dataset", sensor).standard_normal(true.shape) * errors.noise
@@ -148,7 +150,7 @@ def with_sensor_errors(true: FloatArray, errors: SensorErrors, interval_s: float
 
 
 def _deformation(errors: SensorErrors, seed: int, sensor: str) -> FloatArray:
-    """Return the matrix I + M (3, 3) with random scale factors and misalignments."""
+    """Return the matrix I + M (3, 3), where M contains random scale factor errors and misalignments."""
     sizes = np.where(np.eye(3), errors.scale, errors.misalignment_rad)
     return np.asarray(np.eye(3) + sizes * stream(seed, "dataset", sensor, "axes").standard_normal((3, 3)))
 
@@ -169,10 +171,10 @@ def _wandering(rows: int, sigma: float, interval_s: float, seed: int, sensor: st
 
 
 def gauss_markov(t_s: FloatArray, time_s: float, random: np.random.Generator, axes: int = 3) -> FloatArray:
-    """Return a stationary Gauss-Markov process (m, axes) of unit variance at the times (m,), with independent axes.
+    """Return a stationary Gauss-Markov process (m, axes) at the times ``t_s`` (m,).
 
-    The recursion b_k = c b_{k-1} + sqrt(1 - c^2) w_k with c = exp(-(t_k - t_{k-1})/time) and w_k ~ N(0, I) is exact for
-    any increasing times.
+    The axes are independent and have unit variance. The recursion b_k = c b_{k-1} + sqrt(1 - c^2) w_k with c =
+    exp(-(t_k - t_{k-1})/time) and w_k ~ N(0, I) is exact for any increasing times t_k.
     """
     process = random.standard_normal((len(t_s), axes))
     decay = np.exp(-np.diff(t_s) / time_s)
@@ -185,7 +187,7 @@ def gauss_markov(t_s: FloatArray, time_s: float, random: np.random.Generator, ax
 def coloured(
     t_s: FloatArray, white: FloatArray, share: float, time_s: float, random: np.random.Generator
 ) -> FloatArray:
-    """Return noise (m, k) of unit variance, the sum of scaled ``white`` noise and a scaled Gauss-Markov process.
+    """Return noise (m, k) of unit variance, of which the fraction ``share`` of the variance is correlated in time.
 
     The noise is n = sqrt(1 - share) w + sqrt(share) b, with the white noise w and the Gauss-Markov process b. The
     autocorrelation of the noise is E[n(t) n(t + tau)] = share exp(-|tau|/time) for a lag tau that is not 0.

@@ -8,7 +8,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 
-# Sums of sines and their derivatives.
+# Sums of sines and cosines, and the derivatives of these sums.
 
 
 def harmonics(
@@ -29,11 +29,11 @@ def harmonics(
 
 
 def _weigh(waves: FloatArray, weights: FloatArray) -> FloatArray:
-    # einsum is used instead of @, because the threads of BLAS slow down such a small product in a parallel sweep
+    # not @, because the threads of BLAS slow down small matrix products in a parallel sweep
     return np.asarray(np.einsum("nw,cw->nc", waves, weights))
 
 
-# Smooth steps, with which speed and height are twice differentiable.
+# Smooth steps, which make speed and height twice differentiable.
 
 
 def smoothstep(u: FloatArray) -> FloatArray:
@@ -56,23 +56,25 @@ def smoothstep_area(u: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Path:
-    """Boustrophedon path: a rest, an acceleration, then straight passes and turns of 180 degrees to alternating sides.
+    """Path of a field robot: a rest, an acceleration, then straight passes and turns of 180 deg to alternating sides.
 
-    The speed is a sum of smooth steps S, one for each change of the speed. In a turn of the duration T that starts at
-    t_0, the yaw rate is a raised cosine, first to the left and then to alternating sides::
+    The speed is a sum of smooth steps S, one for each change of the speed. In a turn that starts at the time t_0 and
+    has the duration T, the yaw rate is a raised cosine. The first turn is to the left, and the following turns are to
+    alternating sides::
 
         (pi/T) (1 - cos(2 pi (t - t_0)/T))
 
-    The speed changes at the end and at the start of a pass, so the speed in the complete turn is ``turn_speed_mps``.
+    The speed changes only during passes (at their start and end). Therefore, the speed is ``turn_speed_mps`` during the
+    complete turn.
 
     Attributes:
-        stand_s: time at rest at the start [s].
+        stand_s: duration of the rest at the start [s].
         ramp_s: duration of the acceleration from rest to the speed of a pass [s].
         pass_s: duration of a pass, including the speed changes [s].
-        turn_s: T, duration of a turn of 180 degrees [s].
+        turn_s: duration T of a turn of 180 degrees [s].
         speed_mps: horizontal speed on a pass [m/s].
         turn_speed_mps: horizontal speed in a turn [m/s].
-        speed_change_s: duration of a change between the speeds of a pass and of a turn [s].
+        speed_change_s: duration of each change from the speed of a pass to the speed of a turn, or back [s].
         heading_rad: initial heading, measured from east towards north [rad].
     """
 
@@ -111,7 +113,7 @@ class Path:
         return yaw
 
     def _speed_changes(self, t_s: FloatArray) -> list[tuple[float, float, float]]:
-        """Return the start time, the duration and the size of each change of the speed."""
+        """Return the start time [s], the duration [s] and the size [m/s] of each change of the speed."""
         changes = [(self.stand_s, self.ramp_s, self.speed_mps)]
         slower = self.turn_speed_mps - self.speed_mps
         for start in self.turn_starts_s(t_s[-1] + self.speed_change_s):
@@ -120,7 +122,7 @@ class Path:
         return changes
 
 
-# Paths that are given by waypoints and a speed, or by a table of times and positions.
+# Paths that the user defines by waypoints and a speed, or by a table of times and positions.
 
 FINE_M = 0.01
 """Step of the numerical integration of the length of a path [m]."""
@@ -130,12 +132,12 @@ Curve = Callable[[FloatArray, int], FloatArray]
 
 
 class Way(NamedTuple):
-    """Motion at n time stamps, either along a smooth path or of a vibration.
+    """Motion at n times: the motion along a path, or the motion of a vibration.
 
     Attributes:
         enu_m: (n, 3) position [m].
-        velocity_mps: (n, 3) derivative of the position [m/s].
-        euler_rad: (n, 3) roll (0 along a path), pitch and unwrapped yaw [rad].
+        velocity_mps: (n, 3) velocity, the time derivative of ``enu_m`` [m/s].
+        euler_rad: (n, 3) roll, pitch and unwrapped yaw [rad]. The roll of a motion along a path is 0.
     """
 
     enu_m: FloatArray
@@ -144,16 +146,16 @@ class Way(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """Speed on a path of a given length: a rest, an acceleration, a constant speed, and a deceleration at the end.
+    """Speed along a path of a given length: a rest, an acceleration, a constant speed, and a final deceleration.
 
     The speed is v [S((t - rest)/ramp) - S((t - stop)/ramp)] with the quintic smooth step S. The deceleration starts at
-    the time stop = rest + length/v, because the integral of the speed is the length.
+    the time stop = rest + length/v, so that the driven distance is the length of the path.
 
     Attributes:
-        length_m: length of the path, at least speed times ramp [m].
+        length_m: length of the path, which must be at least ``speed_mps`` times ``ramp_s`` [m].
         rest_s: duration of the rest at the start [s].
         ramp_s: duration of the acceleration and of the deceleration [s].
-        speed_mps: v, constant speed between acceleration and deceleration [m/s].
+        speed_mps: constant speed v between the acceleration and the deceleration [m/s].
     """
 
     length_m: float
@@ -167,12 +169,12 @@ class Drive(NamedTuple):
         return self.rest_s + self.length_m / self.speed_mps + self.ramp_s
 
     def speed_mps_at(self, t_s: FloatArray) -> FloatArray:
-        """Return the speed (n,) at the times (n,)."""
+        """Return the speed (n,) [m/s] at the times ``t_s`` (n,)."""
         up, down = self._progress(t_s)
         return np.asarray(self.speed_mps * (smoothstep(up) - smoothstep(down)))
 
     def distance_m_at(self, t_s: FloatArray) -> FloatArray:
-        """Return the distance from the start (n,) at the times (n,)."""
+        """Return the distance (n,) [m] from the start at the times ``t_s`` (n,)."""
         up, down = self._progress(t_s)
         return np.asarray(self.speed_mps * self.ramp_s * (smoothstep_area(up) - smoothstep_area(down)))
 
@@ -184,7 +186,7 @@ class Drive(NamedTuple):
 class WaypointPath:
     """A path along a cubic spline through at least two waypoints (k, 3).
 
-    The parameter of the spline is the cumulative sum of the distances between the waypoints.
+    The spline parameter of a waypoint is the sum of the distances between all waypoints up to this waypoint.
     """
 
     def __init__(self, waypoints_m: FloatArray) -> None:
@@ -210,10 +212,10 @@ class WaypointPath:
 
 
 def table_curve(table_t_s: FloatArray, enu_m: FloatArray, sigma_m: float) -> Curve:
-    """Return a cubic spline over time that interpolates or approximates the positions (k, 3).
+    """Return a cubic spline over time that interpolates or smooths the positions (k, 3) in a table.
 
-    If ``sigma_m`` is 0, the spline interpolates the positions. Otherwise, the spline of each axis is a smoothing spline
-    whose mean squared distance from the positions is at most sigma^2.
+    If ``sigma_m`` is 0, the spline interpolates the positions. If ``sigma_m`` is positive, the spline of each axis is a
+    smoothing spline, whose mean squared distance from the positions is at most sigma^2.
     """
     from scipy.interpolate import CubicSpline, UnivariateSpline
 
@@ -225,7 +227,7 @@ def table_curve(table_t_s: FloatArray, enu_m: FloatArray, sigma_m: float) -> Cur
 
 
 def curve_way(t_s: FloatArray, curve: Curve, min_speed_mps: float) -> tuple[Way, BoolArray]:
-    """Return the motion at the times (n,), and a mask (n,) of the times with a speed above ``min_speed_mps``."""
+    """Return the motion at the times (n,), and a mask (n,) of the times with a speed of more than ``min_speed_mps``."""
     velocity = curve(t_s, 1)
     moving = np.hypot(velocity[:, 0], velocity[:, 1]) > min_speed_mps
     return Way(curve(t_s, 0), velocity, along(velocity, moving)), moving
@@ -234,9 +236,9 @@ def curve_way(t_s: FloatArray, curve: Curve, min_speed_mps: float) -> tuple[Way,
 def along(direction: FloatArray, known: BoolArray) -> FloatArray:
     """Return roll, pitch and yaw (n, 3) of a vehicle that points along ``direction`` (n, 3), with a roll of 0.
 
-    The pitch is -atan(up/horizontal), positive for nose down, and the yaw is atan2(north, east). In rows in which the
-    direction is not ``known`` (n,), the angles are interpolated linearly between known directions. If no direction is
-    known, all angles are 0.
+    The pitch is -atan(up/horizontal), positive for nose down, and the yaw is atan2(north, east). ``known`` (n,) is
+    False for rows with an unknown direction, whose angles are interpolated linearly. If no direction is known, all
+    angles are 0.
     """
     if not known.any():
         return np.zeros_like(direction)

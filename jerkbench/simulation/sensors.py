@@ -30,7 +30,7 @@ def antenna_m(enu_m: FloatArray, euler_rad: FloatArray, arm_m: tuple[float, ...]
 
 
 def white(seed: int, sensor: str, shape: tuple[int, ...], on: bool) -> FloatArray:
-    """Return white noise of unit variance from the random stream of the sensor, or zeros if ``on`` is false."""
+    """Return white noise of unit variance from the random stream of a sensor, or zeros if ``on`` is false."""
     return stream(seed, "dataset", sensor).standard_normal(shape) if on else np.zeros(shape)
 
 
@@ -38,7 +38,7 @@ def _covariances(sigma: tuple[float, ...], rows: int) -> FloatArray:
     return np.tile(np.diag(np.square(sigma)), (rows, 1, 1))
 
 
-# Slowly varying errors of a simulated receiver: correlated noise, latency, and the error of a lever arm.
+# Time-correlated errors of a simulated receiver: correlated noise, latency, and a wrong lever arm.
 
 _MEASURED = ("position", "velocity", "heading")
 
@@ -47,20 +47,25 @@ _MEASURED = ("position", "velocity", "heading")
 class SlowErrors:
     """Time-correlated errors of position, velocity and heading. By default, all these errors are disabled.
 
-    The autocorrelation of the noise is s exp(-tau/T) at a lag tau > 0. A position fix with the stamp t is the position
-    p + Omega l of the antenna at the time t - d, where l is the difference between the true and the measured lever arm.
-    A fix is omitted if t - d is before the start. The reported covariance is the covariance of a single measurement and
-    does not include the effects of s, d and l.
+    The autocorrelation of the noise at a lag tau > 0 is s exp(-tau/T), with the fraction s and the correlation time T.
+    A position fix with the stamp t is the position p + Omega l of the antenna at the time t - d, where l is the
+    difference between the true and the measured lever arm. If t - d is before the start of the drive, the fix is left
+    out. The reported covariance is the covariance of the noise of a single measurement, and does not include the
+    correlation, the latency d and the lever arm error l.
 
     Attributes:
-        position_coloured_share: s, correlated fraction of the variance of the position noise, from 0 (white) to 1 [-].
-        position_coloured_time_s: T, correlation time of the position noise [s].
-        velocity_coloured_share: s, correlated fraction of the variance of the velocity noise, from 0 (white) to 1 [-].
-        velocity_coloured_time_s: T, correlation time of the velocity noise [s].
-        heading_coloured_share: s, correlated fraction of the variance of the heading noise, from 0 (white) to 1 [-].
-        heading_coloured_time_s: T, correlation time of the heading noise [s].
-        position_latency_s: d, latency of the position fixes, a multiple of the interval of the IMU [s].
-        lever_arm_error_m: l, error of the lever arm: forward, left, up [m].
+        position_coloured_share: fraction s of the variance of the position noise that is correlated, from 0 (white) to
+            1 [-].
+        position_coloured_time_s: correlation time T of the position noise [s].
+        velocity_coloured_share: fraction s of the variance of the velocity noise that is correlated, from 0 (white) to
+            1 [-].
+        velocity_coloured_time_s: correlation time T of the velocity noise [s].
+        heading_coloured_share: fraction s of the variance of the heading noise that is correlated, from 0 (white) to 1
+            [-].
+        heading_coloured_time_s: correlation time T of the heading noise [s].
+        position_latency_s: latency d of the position fixes; it must be a multiple of the sampling interval of the IMU
+            [s].
+        lever_arm_error_m: error l of the lever arm of the antenna: forward, left, up [m].
     """
 
     position_coloured_share: float = 0.0
@@ -76,7 +81,8 @@ class SlowErrors:
         """Check the parameters of the time-correlated errors.
 
         Raises:
-            PluginError: a fraction, a time, the latency or the lever arm is invalid; the message contains ``subject``.
+            PluginError: a fraction, a correlation time, the latency or the lever arm is invalid. The message starts
+                with ``subject``.
         """
         require_axes(subject, self, ("lever_arm_error_m",), positive=False)
         require_positive(subject, self, tuple(f"{sensor}_coloured_time_s" for sensor in _MEASURED))
@@ -91,12 +97,12 @@ class SlowErrors:
             )
 
     def with_slow(self, sensor: str, t_s: FloatArray, white: FloatArray, seed: int) -> FloatArray:
-        """Return noise (m, k) of unit variance, which combines ``white`` (m, k) with correlated noise of the sensor."""
+        """Return the weighted sum (m, k) of ``white`` noise and correlated noise of a sensor, with unit variance."""
         share, time_s = getattr(self, f"{sensor}_coloured_share"), getattr(self, f"{sensor}_coloured_time_s")
         return coloured(t_s, white, share, time_s, stream(seed, "dataset", sensor, "coloured"))
 
 
-# Sensors of a simulated vehicle, which measure its true motion and return a recording.
+# Simulated sensors, which convert the true motion of a vehicle to a recording.
 
 MAX_SAMPLES = 2_000_000
 """Maximum number of IMU samples of a simulated drive: 5 h at 100 Hz, whose simulation needs 2 GB of memory."""
@@ -110,37 +116,38 @@ _STREAMS = ("accelerometer", "gyro", "position", "velocity", "heading", "terrain
 class Sensors(SlowErrors):
     """Simulated IMU, GNSS receiver and reference of a vehicle.
 
-    Without sensor errors, an integration of the IMU samples gives exactly the true motion. A sample of the IMU is
-    computed for the interval that ends at the stamp of the sample::
+    Without sensor errors, integrating the IMU samples gives exactly the true motion. Each IMU sample is computed for
+    the interval that ends at its time stamp::
 
         gyro = Log(Omega_{k-1}' Omega_k)/dt
         accel = [(Omega_{k-1} + Omega_k)/2]^-1 ((v_k - v_{k-1})/dt + (0, 0, g))
 
     Noise is added to these samples, and the accelerometer is limited to its range. The reported covariance is the true
-    covariance of the GNSS noise, which is white by default. Every source of randomness has an independent random
-    stream, so disabling one source does not change the others.
+    covariance of the GNSS noise. By default, the GNSS noise is white. Every source of randomness has an independent
+    random stream, so disabling one source does not change the noise of the other sources.
 
-    Source: IEEE Std 952 for the terms of the IMU grades.
+    Source: IEEE Std 952 defines the error terms of the IMU grades.
 
     Attributes:
         imu_rate_hz: rate of the IMU [Hz].
-        gnss_rate_hz: rate of position, velocity and heading; the rate of the IMU is a multiple of this rate [Hz].
-        reference_rate_hz: rate of the reference; the rate of the IMU is a multiple of this rate [Hz].
-        imu: error model: per_sample (white noise with the two sigmas below), or the grade consumer, industrial or
-            tactical.
-        accel_sigma_mps2: standard deviation of an accelerometer sample with the error model per_sample [m/s2].
-        gyro_sigma_radps: standard deviation of a gyro sample with the error model per_sample [rad/s].
+        gnss_rate_hz: rate of position, velocity and heading; imu_rate_hz must be a multiple of this rate [Hz].
+        reference_rate_hz: rate of the reference trajectory; imu_rate_hz must be a multiple of this rate [Hz].
+        imu: error model of the IMU: per_sample (white noise with ``accel_sigma_mps2`` and ``gyro_sigma_radps``), or the
+            grade consumer, industrial or tactical.
+        accel_sigma_mps2: standard deviation of the noise of an accelerometer sample in the error model per_sample
+            [m/s2].
+        gyro_sigma_radps: standard deviation of the noise of a gyro sample in the error model per_sample [rad/s].
         accel_range_g: measurement range of the accelerometer; null for an unlimited range [g].
         position_sigma_m: standard deviations of the position noise: east, north, up [m].
         velocity_sigma_mps: standard deviations of the velocity noise: east, north, up [m/s].
         heading_sigma_rad: standard deviation of the heading noise [rad].
         noise: if false, the sensors have no random errors, but the reported covariances do not change.
         silent: names of the disabled sources of randomness: accelerometer, gyro (each with its biases), position,
-            velocity, heading, terrain, vibration, impacts. The reported covariances and the other sources do not
-            change.
-        latitude_deg: latitude of the origin [deg].
-        longitude_deg: longitude of the origin [deg].
-        height_m: ellipsoidal height of the origin [m].
+            velocity, heading, terrain, vibration, impacts. The reported covariances and the noise of other sources do
+            not change.
+        latitude_deg: latitude of the origin of the local coordinates [deg].
+        longitude_deg: longitude of the origin of the local coordinates [deg].
+        height_m: ellipsoidal height of the origin of the local coordinates [m].
     """
 
     imu_rate_hz: float = 100.0
@@ -162,11 +169,11 @@ class Sensors(SlowErrors):
     def record(
         self, name: str, truth: Truth, seed: int, static_start_s: float, false_mps2: FloatArray | None = None
     ) -> Recording:
-        """Return a recording with the measurements of all sensors during a true motion.
+        """Simulate the measurements of all sensors for a given true motion, and return the recording.
 
         Args:
             name: name of the recording.
-            truth: true motion, which starts at t = 0 and has the rate of the IMU.
+            truth: true motion, which must start at t = 0 and have the rate of the IMU.
             seed: seed of all random streams.
             static_start_s: duration of the rest at the start [s].
             false_mps2: (n, m, 3) false specific force, which the accelerometer measures without a corresponding motion
@@ -192,7 +199,7 @@ class Sensors(SlowErrors):
         """Check the parameters of the sensors.
 
         Raises:
-            PluginError: a parameter is invalid; the error message contains ``subject``.
+            PluginError: a parameter is invalid. The error message contains ``subject``.
         """
         require_known(f"imu of {subject}", self.imu, _IMUS)
         for source in self.silent:
@@ -229,7 +236,7 @@ class Sensors(SlowErrors):
         return Imu(truth.t_s[1:], saturate(force, false_mps2, self.accel_range_g), gyro)
 
     def unless_silent(self, source: str, size: float) -> float:
-        """Return ``size``, or 0 if the source of randomness is disabled by ``silent``."""
+        """Return ``size``, or 0 if ``silent`` disables this source of randomness."""
         return 0.0 if source in self.silent else size
 
     def _on(self, sensor: str) -> bool:
@@ -242,7 +249,7 @@ class Sensors(SlowErrors):
         return grade.accelerometer(self.imu_rate_hz), grade.gyro(self.imu_rate_hz)
 
     def _drawn(self, imu: Imu, position: Position, velocity: Velocity) -> ErrorModel | None:
-        """Return the distribution of the errors, or None if an `ErrorModel` cannot describe the errors of a sensor."""
+        """Return the distribution of the measurement errors, or None if an `ErrorModel` cannot describe it."""
         limit = np.inf if self.accel_range_g is None else self.accel_range_g * GRAVITY_MPS2
         limited = bool((np.abs(imu.accel_mps2) >= limit).any())
         if self.imu != "per_sample" or limited or not all(map(self._on, ("accelerometer", "position", "velocity"))):
@@ -271,13 +278,13 @@ class Sensors(SlowErrors):
         return Heading(fixes.t_s, wrap_angle(yaw_rad), np.full(len(yaw_rad), self.heading_sigma_rad))
 
     def _noise(self, sensor: str, fixes: Truth, axes: int, seed: int) -> FloatArray:
-        """Return white and correlated noise (m, axes) of unit total variance, or zeros if the sensor is disabled."""
+        """Return white plus correlated noise (m, axes) with the total variance 1, or zeros for a disabled sensor."""
         fresh = white(seed, sensor, (len(fixes.t_s), axes), self._on(sensor))
         return self.with_slow(sensor, fixes.t_s, fresh, seed) if self._on(sensor) else fresh
 
 
 def every(truth: Truth, ratio: float) -> Truth:
-    """Return every ``ratio``-th row of the true motion. Row 0, the start, is not included."""
+    """Return every ``ratio``-th row of the true motion. The first row (the start) is not included."""
     step = round(ratio)
     rows = slice(step, None, step)
     return Truth(truth.t_s[rows], truth.enu_m[rows], truth.velocity_mps[rows], truth.euler_rad[rows])

@@ -1,7 +1,7 @@
-"""Traces, which contain errors of the fixes of a real receiver and the reported covariances.
+"""Traces: recorded errors of the position fixes of a real receiver, and the covariances that it reported.
 
-A trace file has columns with the errors and the reported standard deviations in ENU, and with the correlations of the
-reported covariance. The traces of this package are stored together with the licences of their data.
+The columns of a trace file are the errors in ENU, and the standard deviations and correlations of the reported
+covariances. The traces in this package are stored together with the licences of the data from which they were computed.
 """
 
 import json
@@ -29,10 +29,10 @@ class About:
 
     Attributes:
         recording: name of the recording that contains the fixes.
-        reference: name of the reference relative to which the errors were computed.
-        licence: licence of the data; an empty string if it is not stated.
-        origin: web address of the data; an empty string if it is not stated.
-        offset_m: constant offset (east, north, up) that was subtracted from the errors, the median or zeros [m].
+        reference: name of the reference trajectory that was subtracted from the fixes.
+        licence: licence of the data; an empty string if the licence is unknown.
+        origin: web address of the data; an empty string if the address is unknown.
+        offset_m: constant offset (east, north, up) that was subtracted from the errors: their median, or zeros [m].
     """
 
     recording: str
@@ -44,12 +44,14 @@ class About:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """Errors of fixes (fix minus reference) in ENU, with gaps where the receiver had no fixes.
+    """Errors of position fixes (fix minus reference) in ENU over time.
+
+    A trace has gaps where the receiver had no fixes.
 
     Attributes:
         t_s: (m,) times of the fixes; the first time is 0 [s].
         error_m: (m, 3) errors of the fixes in east, north and up [m].
-        covariance_m2: (m, 3, 3) covariances reported by the receiver [m2].
+        covariance_m2: (m, 3, 3) covariance that the receiver reported for each fix [m2].
         about: metadata about the origin of the trace.
     """
 
@@ -76,11 +78,11 @@ class Trace:
 
     @property
     def period_s(self) -> float:
-        """The period with which the trace is repeated: its duration plus one interval [s]."""
+        """The period with which the trace is repeated in a long drive: its duration plus one interval [s]."""
         return float(self.t_s[-1] - self.t_s[0]) + self.interval_s
 
     def local_moment_m2(self, window_s: float) -> FloatArray:
-        """Return the mean of e e' (m, 3, 3) over all fixes in a window of length ``window_s`` centred at each fix."""
+        """Return for each fix the mean of e e' (m, 3, 3) over all errors e in a window of ``window_s`` around it."""
         squares = self.error_m[:, :, None] * self.error_m[:, None, :]
         sums = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(squares, axis=0)])
         first = np.searchsorted(self.t_s, self.t_s - 0.5 * window_s - 1e-9)
@@ -88,7 +90,7 @@ class Trace:
         return np.asarray((sums[last] - sums[first]) / (last - first)[:, None, None])
 
 
-# Trace files in the Parquet format: a name selects a trace of this package, a path selects a file of the user.
+# Trace files in the Parquet format. A name selects a trace of this package, and a path selects a file of the user.
 
 SHIPPED = Path(__file__).parent / "shipped"
 SUFFIX = ".parquet"
@@ -101,15 +103,17 @@ DECIMALS = 4
 
 
 def shipped() -> list[str]:
-    """Return the names of the traces of this package, sorted."""
+    """Return the sorted names of the traces in this package."""
     return sorted(path.stem for path in SHIPPED.glob(f"*{SUFFIX}"))
 
 
 def trace_path(trace: str) -> Path:
-    """Return the path of a trace file for the name of a trace of this package or for the path of a .parquet file.
+    """Return the path of a trace file.
+
+    ``trace`` is the name of a trace in this package, or the path of a .parquet file.
 
     Raises:
-        RecordingError: the named trace or the file does not exist.
+        RecordingError: this package has no trace with this name, or the file does not exist.
     """
     if trace in shipped():
         return SHIPPED / f"{trace}{SUFFIX}"
@@ -125,7 +129,7 @@ def trace_path(trace: str) -> Path:
 
 
 def write_trace(trace: Trace, path: Path) -> None:
-    """Write a trace to a file, with errors and standard deviations rounded to 0.1 mm and correlations to 0.001."""
+    """Write a trace to a file. Errors and standard deviations are rounded to 0.1 mm, and correlations to 0.001."""
     sigma = np.sqrt(np.diagonal(trace.covariance_m2, axis1=1, axis2=2))
     numbers = dict(zip((*ERRORS, *_SIGMAS), np.round(np.hstack([trace.error_m, sigma]), DECIMALS).T, strict=True))
     for name, (i, j) in CORRELATIONS.items():
@@ -140,7 +144,7 @@ def read_trace(path: Path) -> Trace:
     """Read a trace from a file.
 
     Raises:
-        RecordingError: the file does not contain a trace.
+        RecordingError: the file does not contain a valid trace.
     """
     return _read(path, path.stat().st_mtime_ns)
 
@@ -159,9 +163,9 @@ def _read(path: Path, version: int) -> Trace:  # noqa: ARG001 - part of the key 
 
 
 def _covariances(values: dict[str, FloatArray]) -> FloatArray:
-    """Return the covariances (m, 3, 3).
+    """Return the covariances (m, 3, 3) from stored standard deviations and correlations.
 
-    The correlations are ignored in rows in which the rounded correlation matrix is not positive definite.
+    If rounding made the correlation matrix of a row indefinite, the correlations of this row are ignored.
     """
     sigma = np.maximum(np.column_stack([values[name] for name in _SIGMAS]), 10.0**-DECIMALS)
     correlation = np.tile(np.eye(3), (len(sigma), 1, 1))
@@ -179,7 +183,7 @@ _GAP = 1.5
 
 
 def trace_text(trace: Trace) -> str:
-    """Return a text with the number, rate, gaps, size and correlation of the errors in a trace."""
+    """Return text with the number, the rate, the gaps, the size and the autocorrelation of the errors in a trace."""
     gaps = (steps := np.diff(trace.t_s))[steps > _GAP * trace.interval_s]
     level = np.hypot(trace.error_m[:, 0], trace.error_m[:, 1])
     nees = np.einsum("mi,mij,mj->m", trace.error_m, np.linalg.inv(trace.covariance_m2), trace.error_m)
@@ -196,14 +200,14 @@ def trace_text(trace: Trace) -> str:
 
 
 def lagged_correlation(trace: Trace, lag_s: float) -> FloatArray:
-    """Return the autocorrelation (3,) of the errors at the lag ``lag_s``, over all pairs of fixes with this lag."""
+    """Return the autocorrelation (3,) of the errors at the lag ``lag_s`` [s], from all pairs of fixes with this lag."""
     error = trace.error_m - trace.error_m.mean(axis=0)
     later = np.searchsorted(trace.t_s, trace.t_s + lag_s - 0.25 * trace.interval_s)
     paired = later < len(trace.t_s)
     paired[paired] &= np.abs(trace.t_s[later[paired]] - trace.t_s[paired] - lag_s) < 0.5 * trace.interval_s
     products = error[paired] * error[later[paired]]
     variance = np.mean(error**2, axis=0)
-    moving = (variance > 0) & paired.any()  # a horizontal trace has no vertical errors
+    moving = (variance > 0) & paired.any()  # the vertical errors of a horizontal trace are 0
     return np.where(moving, products.sum(axis=0) / max(paired.sum(), 1) / np.where(moving, variance, 1.0), np.nan)
 
 
@@ -214,17 +218,18 @@ _NEAR_S = 1.5
 
 
 def trace_of(recording: Recording, *, centred: bool = True, licence: str = "", origin: str = "") -> Trace:
-    """Return a trace with the errors of the fixes relative to the reference and the reported covariances.
+    """Compute a trace: the errors of the fixes of a recording relative to its reference, and the reported covariances.
 
     Args:
         recording: recording with position fixes and with a reference that is not a copy of the fixes.
-        centred: if true, the median error is subtracted, because datum and lever arm cause a constant offset.
+        centred: whether the median error is subtracted, because differences of the datum and the lever arm cause a
+            constant offset.
         licence: licence of the data.
-        origin: address of the data.
+        origin: web address of the data.
 
     Raises:
-        RecordingError: the recording has no fixes, its reference is a copy of the fixes, or too few fixes have a
-            reference.
+        RecordingError: the recording has no fixes, the reference is a copy of the fixes, or the reference covers too
+            few fixes.
     """
     position, reference = recording.position, recording.reference
     if position is None or reference.enu_m is None:
@@ -243,7 +248,7 @@ def trace_of(recording: Recording, *, centred: bool = True, licence: str = "", o
 
 
 def _at(reference: Reference, t_s: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return the positions (m, 3) of the reference at ``t_s``, and a mask (m,) of the times with a known position."""
+    """Return the reference positions (m, 3) at the times ``t_s``, and a mask (m,) of times with a known position."""
     values = reference.enu_m
     usable = reference.scored & np.isfinite(values).all(axis=1) if values is not None else np.zeros(0, dtype=np.bool_)
     if values is None or usable.sum() < 2:

@@ -1,4 +1,4 @@
-"""True motion from path, terrain, ruts and vibration, and false specific force of the accelerometer."""
+"""True motion of a robot from path, terrain, ruts and vibration, and false specific force of its accelerometer."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -21,7 +21,7 @@ class Ground(NamedTuple):
 
     Attributes:
         height_m: (n,) height of the ground [m].
-        slope: (n, 2) slope of the terrain along the path, and slope of the hill in the direction x (east) [-].
+        slope: (n, 2) slope of the terrain waves along the path, and slope of the hill towards the east [-].
         roll_rad: (n,) roll due to the height difference of the left and the right track [rad].
     """
 
@@ -31,17 +31,18 @@ class Ground(NamedTuple):
 
 
 class Terrain(NamedTuple):
-    """Terrain with the height h(s) + A sin(2 pi x/L) and the roll r(s), for the distance s and the coordinate x (east).
+    """Terrain with the height h(s) + A sin(2 pi x/L) and the roll r(s) at the distance s and the east coordinate x.
 
     The functions h and r are sums of 36 waves with random phases. The wavenumbers n of the waves are geometrically
     spaced from 0.03 to 1.2 cycles/m. The amplitude of a wave depends on the roughness c::
 
         c sqrt(2 G_0 (n/n_0)^-2 dn)/(1 + (n/0.6)^2),  G_0 = 1024e-6 m3,  n_0 = 0.1 cycles/m
 
-    The factor c is ``roughness`` for h and ``roughness`` times ``roll_ratio`` for r. The denominator models that the
-    track of the robot bridges short waves. The displacement spectrum of ISO 8608 is G_0 (n/n_0)^-2. The geometric mean
-    of G_0 is 1024e-6 m3 in class D and 4096e-6 m3 in class E, which starts at 2048e-6 m3. Therefore, c = 1.5
-    (c^2 G_0 = 2304e-6 m3) is in class E, and c = 2 is the geometric mean of class E.
+    For the height h, c is ``roughness``. For the roll r, c is ``roughness`` times ``roll_ratio``. The denominator
+    reduces short waves, because the track of the robot bridges them. The displacement spectrum of ISO 8608 is G_0
+    (n/n_0)^-2. The geometric mean of G_0 is 1024e-6 m3 in class D and 4096e-6 m3 in class E, which starts at 2048e-6
+    m3. Therefore, the roughness c = 1.5 (c^2 G_0 = 2304e-6 m3) is in class E, and c = 2 is the geometric mean of class
+    E.
 
     Source: ISO 8608:2016, Mechanical vibration - Road surface profiles - Reporting of measured data.
 
@@ -49,8 +50,8 @@ class Terrain(NamedTuple):
         wavenumber_per_m: (36,) wavenumbers n [cycles/m].
         sine: (2, 36) coefficients of sin(2 pi n s) in h [m] and r [rad].
         cosine: (2, 36) coefficients of cos(2 pi n s) in h [m] and r [rad].
-        hill_height_m: A, amplitude of the hill [m].
-        hill_length_m: L, wavelength of the hill [m].
+        hill_height_m: amplitude A of the hill [m].
+        hill_length_m: wavelength L of the hill [m].
     """
 
     wavenumber_per_m: FloatArray
@@ -60,7 +61,7 @@ class Terrain(NamedTuple):
     hill_length_m: float
 
     def at(self, distance_m: FloatArray, east_m: FloatArray) -> Ground:
-        """Return the ground at n distances from the start and at the corresponding n coordinates x (east)."""
+        """Return the ground at n positions, given by their distances from the start and their east coordinates."""
         value, slope = harmonics(distance_m, 2.0 * np.pi * self.wavenumber_per_m, self.sine, self.cosine)
         hill = 2.0 * np.pi / self.hill_length_m
         height = value[:, 0] + self.hill_height_m * np.sin(hill * east_m)
@@ -71,7 +72,7 @@ class Terrain(NamedTuple):
 def draw_terrain(
     rng: np.random.Generator, roughness: float, roll_ratio: float, hill_height_m: float, hill_length_m: float
 ) -> Terrain:
-    """Return a terrain with random phases. The ratio of the amplitudes of roll and height is ``roll_ratio`` [rad/m]."""
+    """Return a terrain with random phases. ``roll_ratio`` is the ratio of roll to height amplitude [rad/m]."""
     n = np.geomspace(MIN_CYCLES_PER_M, MAX_CYCLES_PER_M, WAVES)
     phases = rng.uniform(0.0, 2.0 * np.pi, (2, WAVES))
     sizes = wave_amplitudes(n) * roughness * np.array([[1.0], [roll_ratio]])
@@ -79,7 +80,7 @@ def draw_terrain(
 
 
 def wave_amplitudes(wavenumber_per_m: FloatArray) -> FloatArray:
-    """Return the amplitudes (w,) [m] of waves with geometrically spaced wavenumbers (w,), for the roughness c = 1."""
+    """Return the height amplitudes (w,) [m] of waves with geometrically spaced wavenumbers (w,) for the roughness 1."""
     n = wavenumber_per_m
     half_step = np.sqrt(n[1] / n[0])
     width = n * (half_step - 1.0 / half_step)
@@ -87,25 +88,26 @@ def wave_amplitudes(wavenumber_per_m: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(2.0 * psd * width) / (1.0 + (n / TRACK_PER_M) ** 2))
 
 
-# Ruts, in which the robot drops, tilts and becomes slower.
+# Ruts, in which the robot drops, tilts and slows down.
 
 
 @dataclass(frozen=True)
 class Ruts:
-    """Ruts into which the robot drops at the times t_r. The robot continues on the lower level.
+    """Ruts into which the robot drops at the times t_r. After a rut, the robot continues on the lower level.
 
-    A rut changes the motion by a step H(u) = (1 + tanh u)/2 and a pulse B(u) = 1 - tanh^2 u, with u = (t - t_r)/tau::
+    The change of the motion contains a step H(u) = (1 + tanh u)/2 and a pulse B(u) = 1 - tanh^2 u with u = (t -
+    t_r)/tau::
 
         height -= drop H;  speed -= dip B;  pitch += pitch_0 B;  roll += roll_0 B
         distance -= dip tau (1 + tanh u)
 
     Attributes:
-        times_s: t_r, times of the ruts; an empty tuple for no rut [s].
-        drop_m: drop, depth of each rut [m].
-        tau_s: tau, time constant of the step and of the pulse [s].
-        speed_dip_mps: dip, maximum decrease of the speed in a rut [m/s].
-        pitch_rad: pitch_0, maximum pitch in a rut, positive for nose down [rad].
-        roll_rad: roll_0, maximum roll in a rut, positive for right side down [rad].
+        times_s: times t_r of the ruts; an empty tuple for a path without ruts [s].
+        drop_m: depth of each rut, called drop in the equations [m].
+        tau_s: time constant tau of the step and of the pulse [s].
+        speed_dip_mps: maximum decrease of the speed in a rut, called dip in the equations [m/s].
+        pitch_rad: maximum pitch pitch_0 in a rut, positive for nose down [rad].
+        roll_rad: maximum roll roll_0 in a rut, positive for right side down [rad].
     """
 
     times_s: tuple[float, ...]
@@ -116,15 +118,15 @@ class Ruts:
     roll_rad: float
 
     def pulse(self, t_s: FloatArray) -> FloatArray:
-        """Return the sum (n,) of the pulses B of all ruts."""
+        """Return the sum (n,) of the pulses B of all ruts at the times ``t_s``."""
         return np.asarray(sum((1.0 - np.tanh((t_s - t) / self.tau_s) ** 2 for t in self.times_s), 0.0 * t_s))
 
     def steps(self, t_s: FloatArray) -> FloatArray:
-        """Return the sum (n,) of the steps H of all ruts."""
+        """Return the sum (n,) of the steps H of all ruts at the times ``t_s``."""
         return np.asarray(sum((0.5 * (1.0 + np.tanh((t_s - t) / self.tau_s)) for t in self.times_s), 0.0 * t_s))
 
 
-# Vibration of engine and tracks, which is part of the true motion.
+# Vibration that the engine and the tracks cause. It is part of the true motion.
 
 _SINES = 14
 LOWEST_HZ = 8.0
@@ -136,14 +138,14 @@ AXIS_SHARE = np.array([0.7, 0.7, 1.0])
 class Vibration(NamedTuple):
     """Vibration of 14 sines from 8 to 35 Hz, with one random frequency in each of 14 equal parts of the band.
 
-    The motion d(t) = sum_i a_i sin(w_i t) + b_i cos(w_i t) of each axis has independent random phases. All sines of a
-    displacement have the same amplitude of the acceleration. All sines of an angle have the same amplitude of the
-    angle. With an envelope E(t), the displacement is E d, and the velocity is the derivative E d' + E' d.
+    The motion of each axis is d(t) = sum_i a_i sin(w_i t) + b_i cos(w_i t) with independent random phases. The sines of
+    a displacement have equal acceleration amplitudes, and the sines of an angle have equal angle amplitudes. If an
+    envelope E(t) scales the vibration, the displacement is E d, and the velocity is its derivative E d' + E' d.
 
     Attributes:
         frequency_radps: (14,) angular frequencies w [rad/s].
-        sine: (6, 14) coefficients a for east, north, up [m] and roll, pitch, yaw [rad].
-        cosine: (6, 14) coefficients b for east, north, up [m] and roll, pitch, yaw [rad].
+        sine: (6, 14) coefficients a of the sines for east, north, up [m] and roll, pitch, yaw [rad].
+        cosine: (6, 14) coefficients b of the cosines for east, north, up [m] and roll, pitch, yaw [rad].
     """
 
     frequency_radps: FloatArray
@@ -151,12 +153,12 @@ class Vibration(NamedTuple):
     cosine: FloatArray
 
     def grown(self, t_s: FloatArray, start_s: float, ramp_s: float) -> Way:
-        """Return the vibration at n times. The envelope increases from 0 at ``start_s`` to 1 over ``ramp_s``."""
+        """Return the vibration at n times. The envelope increases from 0 at ``start_s`` to 1 within ``ramp_s``."""
         u = (t_s - start_s) / ramp_s
         return self.at(t_s, smoothstep(u), smoothstep_rate(u) / ramp_s)
 
     def at(self, t_s: FloatArray, envelope: FloatArray, envelope_rate: FloatArray) -> Way:
-        """Return the vibration at n times for the envelope (n,) and its time derivative (n,) [1/s]."""
+        """Return the vibration at n times, scaled by the envelope (n,) with the derivative ``envelope_rate`` (n,)."""
         bare, rate = harmonics(t_s, self.frequency_radps, self.sine, self.cosine)
         shaped = envelope[:, None] * bare
         velocity = envelope[:, None] * rate[:, :3] + envelope_rate[:, None] * bare[:, :3]
@@ -175,19 +177,22 @@ def draw_vibration(rng: np.random.Generator, accel_mps2: float, angle_rad: float
     band = (MAX_VIBRATION_HZ - LOWEST_HZ) / _SINES
     w = 2.0 * np.pi * (LOWEST_HZ + band * (np.arange(_SINES) + rng.uniform(size=_SINES)))
     phases = rng.uniform(0.0, 2.0 * np.pi, (6, _SINES))
-    unit = np.sqrt(2.0 / _SINES)  # amplitude of a sine, so that the sum has an rms of 1
+    unit = np.sqrt(2.0 / _SINES)  # amplitude of each sine with which the sum has an rms of 1
     shift = accel_mps2 * unit * np.multiply.outer(AXIS_SHARE, w**-2.0)
     sizes = np.vstack([shift, np.full((3, _SINES), angle_rad * unit)])
     return Vibration(w, sizes * np.cos(phases), sizes * np.sin(phases))
 
 
-# False specific force of ruts and impacts, which the accelerometer measures without a corresponding motion.
+# False specific force in ruts and impacts: the accelerometer measures it, but the vehicle does not move accordingly.
 
 IMPACT_S = 0.02
 
 
 def inner_times(t_s: FloatArray, per_sample: int) -> FloatArray:
-    """Divide each of the n intervals between the times ``t_s`` into m equal parts, and return their middles (n, m)."""
+    """Divide each of the n intervals between the times ``t_s`` into m equal parts.
+
+    Return the centres (n, m) of the parts.
+    """
     parts = (np.arange(per_sample) + 0.5) / per_sample
     return np.asarray(t_s[:-1, None] + np.diff(t_s)[:, None] * parts)
 
@@ -195,7 +200,7 @@ def inner_times(t_s: FloatArray, per_sample: int) -> FloatArray:
 def rut_force(
     inner_s: FloatArray, times_s: tuple[float, ...], force_mps2: tuple[float, ...], decay_s: float
 ) -> FloatArray:
-    """Return the force (n, m, 3), which is ``force_mps2`` at each time of a rut and then decays exponentially."""
+    """Return a force (n, m, 3) that jumps to ``force_mps2`` at the time of each rut, and then decays exponentially."""
     size = np.zeros_like(inner_s)
     for start in times_s:
         since = inner_s - start
@@ -204,13 +209,13 @@ def rut_force(
 
 
 def draw_impacts(rng: np.random.Generator, per_s: float, start_s: float, end_s: float) -> FloatArray:
-    """Return the sorted times of a Poisson process with the rate ``per_s`` from ``start_s`` to ``end_s``."""
+    """Return the sorted times of impacts: a Poisson process with the rate ``per_s`` from ``start_s`` to ``end_s``."""
     length = max(0.0, end_s - start_s)
     return np.sort(start_s + length * rng.uniform(size=rng.poisson(per_s * length)))
 
 
 def impact_force(inner_s: FloatArray, times_s: FloatArray, peak_mps2: float) -> FloatArray:
-    """Return the force (n, m, 3) in the body frame, an upward half sine of 20 ms from the time of each impact."""
+    """Return the force (n, m, 3) of impacts in the body frame: an upward half sine of 20 ms after each impact."""
     force = np.zeros((inner_s.size, 3))
     flat = inner_s.ravel()
     for start in times_s:
@@ -221,11 +226,11 @@ def impact_force(inner_s: FloatArray, times_s: FloatArray, peak_mps2: float) -> 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """True motion of the vehicle at n times. The first time is the start.
+    """True motion of the vehicle at n times, of which the first is the start of the drive.
 
     Attributes:
         t_s: (n,) times [s].
-        enu_m: (n, 3) position, (0, 0, 0) at the start [m].
+        enu_m: (n, 3) position in ENU, which is (0, 0, 0) at the start [m].
         velocity_mps: (n, 3) velocity in ENU [m/s].
         euler_rad: (n, 3) roll, pitch and unwrapped yaw [rad].
     """
@@ -261,8 +266,9 @@ def simulate_truth(t_s: FloatArray, path: Path, terrain: Terrain, vibration: Vib
 
         pitch = -atan(f) (positive is nose down),  roll = atan(l) + r(s)
 
-    The yaw is the yaw of the path. Vibration and ruts are added to the angles. The vertical velocity is the derivative
-    of the height. The vibration starts with the motion, and its amplitude increases during the ramp of the speed.
+    The yaw is the yaw of the path. The angles of the vibration and of the ruts are added to pitch, roll and yaw. The
+    vertical velocity is the derivative of the height. The vibration starts when the robot starts to move, and its
+    amplitude increases during the acceleration.
     """
     course = drive_course(t_s, path, ruts)
     ground = terrain.at(course.distance_m, course.en_m[:, 0])
@@ -280,8 +286,8 @@ def simulate_truth(t_s: FloatArray, path: Path, terrain: Terrain, vibration: Vib
 
 
 def drive_course(t_s: FloatArray, path: Path, ruts: Ruts) -> Course:
-    """Return the horizontal motion. Simpson's rule integrates the velocity over each interval."""
-    fine_t_s = np.empty(2 * len(t_s) - 1)  # the times and the middles of the intervals between them
+    """Return the horizontal motion. Positions are integrals of the velocity, computed by Simpson's rule."""
+    fine_t_s = np.empty(2 * len(t_s) - 1)  # the times, and the centres of the intervals
     fine_t_s[::2], fine_t_s[1::2] = t_s, 0.5 * (t_s[:-1] + t_s[1:])
     yaw = path.yaw_rad_at(fine_t_s)
     speed = path.speed_mps_at(fine_t_s) - ruts.speed_dip_mps * ruts.pulse(fine_t_s)
@@ -293,7 +299,7 @@ def drive_course(t_s: FloatArray, path: Path, ruts: Ruts) -> Course:
 
 
 def _lean(course: Course, ground: Ground) -> FloatArray:
-    """Return the roll, pitch and yaw (n, 3) of a robot that is parallel to the ground."""
+    """Return the roll, pitch and yaw (n, 3) of a robot that is aligned with the ground."""
     forward = ground.slope[:, 0] + ground.slope[:, 1] * np.cos(course.yaw_rad)
     leftward = -ground.slope[:, 1] * np.sin(course.yaw_rad)
     return np.column_stack([np.arctan(leftward) + ground.roll_rad, -np.arctan(forward), course.yaw_rad])

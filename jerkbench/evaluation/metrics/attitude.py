@@ -35,9 +35,9 @@ class AttitudeRmse:
 
         roll_rmse_rad = sqrt(1/N sum e_roll,i^2)        pitch_rmse_rad, yaw_rmse_rad the same
 
-    For roll and yaw, rows with a reference pitch of more than 75 degrees in size are left out, because roll and yaw
-    cannot be distinguished at a pitch of 90 degrees. The metric `inclination` has no such limit. A value is NaN without
-    a counted row.
+    For roll and yaw, rows with an absolute reference pitch of more than 75 degrees are left out, because roll and yaw
+    cannot be distinguished at a pitch of 90 degrees. The metric `inclination` has no limit of the pitch. A value is NaN
+    if no row is counted.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -85,14 +85,14 @@ class Inclination:
         inclination_floor_deg  = median over windows of 1 s of the angle between the mean specific force and the mean
                                  x_ref
 
-    The angle is defined at every attitude, whereas roll and yaw are undefined at a pitch of 90 degrees.
+    The inclination error is defined at every attitude, whereas roll and yaw are undefined at a pitch of 90 degrees.
 
-    The floor uses windows in which the body is stationary and the reference is known, even if it is not scored. A
-    window is stationary if, on each axis, the range of the angular rate is at most 0.05 rad/s, and the midpoint of this
-    range is at most 0.02 rad/s. If the recording has velocities or positions, the speed must also be at most 0.1 m/s. A
-    stationary accelerometer measures the vertical. The floor is therefore an error of the reference, of its alignment
-    with the IMU, or of the accelerometer. Errors far below the floor are meaningless. A value is NaN without counted
-    rows or stationary windows.
+    The floor uses windows in which the body is stationary and the reference is known, even if the rows are not scored.
+    A window is stationary if, on each axis, the range of the angular rate is at most 0.05 rad/s, and the midpoint of
+    this range is at most 0.02 rad/s. If the recording has velocities or positions, the speed must also be at most 0.1
+    m/s. A stationary accelerometer measures the vertical. The floor is therefore an error of the reference, of its
+    alignment with the IMU, or of the accelerometer. Errors far below the floor are meaningless. The errors are NaN if
+    no row is counted, and the floor is NaN if no window is stationary.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {

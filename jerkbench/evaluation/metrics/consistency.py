@@ -25,15 +25,15 @@ class Consistency(Summed):
     """Average NEES and NIS. Above the expected value a filter is overconfident, below it too cautious.
 
     Let e_i be the errors of position and velocity, and P_i the covariance of the filter, at the N counted rows whose
-    reference is known. Update u of the M updates from the first counted row on measures m_u rows::
+    reference is known. From the first counted row on, there are M updates, and update u measures m_u rows::
 
         anees              = 1/N sum e_i' P_i^-1 e_i         position and velocity together, expect 6
         anees_position     = the same with position alone, expect 3
         anis_per_row       = 1/M sum nis_u / m_u             nis = y' (H P- H' + R)^-1 y, reported R, expect 1
         anis_used_per_row  = the same with the used S and the m_u rows that were not dropped, expect 1
 
-    A filter that inflates R can make ``anis_used_per_row`` consistent for any innovations. Such a filter should be
-    judged by ``anis_per_row``. A value is NaN without a counted row or update, or if a covariance is not positive
+    A filter that inflates R can make ``anis_used_per_row`` consistent for any innovations, and should therefore be
+    judged by ``anis_per_row``. A value is NaN if no row or no update is counted, or if a covariance is not positive
     definite.
 
     Source: Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 5.4.
@@ -69,7 +69,7 @@ class Coverage:
 
         coverage_k_sigma_percent = 100/(3 N) |{i, a: |e_ia| <= k sqrt(P_i,aa)}|     expect 68.3, 95.4, 99.7
 
-    The values are NaN without a counted row. The metric is computed only on request: ``metrics=[coverage]``.
+    The values are NaN if no row is counted. The metric is computed only on request: ``metrics=[coverage]``.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -90,7 +90,7 @@ class Coverage:
 
 
 RULED_OUT = 3.0
-"""Limit of a silent error in sigmas. In three dimensions, a consistent filter exceeds it in 2.9 % of the rows."""
+"""Limit of a silent error in sigmas. A consistent filter exceeds this limit in 2.9 % of the rows (3 axes)."""
 
 
 @register("metric", "silent_error")
@@ -104,8 +104,8 @@ class SilentError(Summed):
         silent_error_percent = 100/N |{i: silent}|          expect 2.9: chi-square with 3 degrees of freedom beyond 9
         silent_error_s       = the largest number of consecutive silent rows, one for each second [s]
 
-    A filter may be accurate on average, but have a large error and a small covariance for a minute. The values are NaN
-    without a counted row, or if a covariance is not positive definite.
+    The metric detects a filter that is accurate on average, but has a large error and a small covariance for a minute.
+    The values are NaN if no row is counted, or if a covariance is not positive definite.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -186,8 +186,8 @@ class InnovationLikelihood:
         innovation_log_loss = 1/(2 N) sum (y_k' S_k^-1 y_k + log det S_k + m_k log 2 pi)      [nats per update]
 
     The metric does not need a reference. The R in S_k is the R before the adaptation, because an R that was fitted to
-    y_k does not predict y_k. Only methods that measure the same rows can be compared. The value is NaN without an
-    update, or if the estimator does not store det S. The metric is computed only on request:
+    y_k does not predict y_k. Only methods with the same measurements can be compared. The value is NaN if no update is
+    used, or if the estimator does not store det S. The metric is computed only on request:
     ``metrics=[innovation_likelihood]``.
 
     Source: the prediction error decomposition (F. C. Schweppe, 1965, doi:10.1109/TIT.1965.1053737).
@@ -220,8 +220,8 @@ class LogScore(Summed):
         position_log_score = 1/(2 N) sum (e_i' P_i^-1 e_i + log det P_i + 3 log 2 pi)         [nats, of metres]
 
     The score is proper: its expected value is lowest if the filter reports the true covariance of its errors. If the
-    reference consists of withheld fixes, the metric is the score of the predicted fixes. The value is NaN without a
-    counted row, or if a covariance is not positive definite.
+    reference consists of withheld fixes, the metric is the score of the predicted fixes. The value is NaN if no row is
+    counted, or if a covariance is not positive definite.
 
     Source: Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102 (2007).
     """
@@ -291,7 +291,7 @@ class Crps(Summed):
         position_crps_m = 1/(3 N) sum sigma (z (2 Phi(z) - 1) + 2 phi(z) - 1/sqrt(pi))
 
     The score is proper, like `log_score`. The score has the unit metre, and is not dominated by a single error of many
-    sigmas. The value is NaN without a counted row, or if a variance is negative.
+    sigmas. The value is NaN if no row is counted, or if a variance is negative.
 
     Source: Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102 (2007), (21).
     """
@@ -321,10 +321,10 @@ class Credibility(Summed):
         non_credibility_db = 10/N sum |log10 rho_i|     0 is credible, 10 a factor of ten in either direction
         inclination_db     = 10/N sum log10 rho_i       above 0 overconfident, below it too cautious
 
-    In contrast to ANEES, a single large error does not dominate these metrics. S is the mean over the rows of one run,
-    not over several runs at the same time. Errors whose size varies within a run therefore increase the non-credibility
-    index. The values are NaN for fewer than four rows. The metric is computed only on request:
-    ``metrics=[credibility]``.
+    In contrast to ANEES, the non-credibility index and the inclination indicator are not dominated by a single large
+    error. S is the mean over the rows of one run, not over several runs at the same time. Errors whose size varies
+    within a run therefore increase the non-credibility index. The values are NaN for fewer than four rows. The metric
+    is computed only on request: ``metrics=[credibility]``.
 
     Source: Li, Zhao and Li, "Estimator's credibility and its measures", IFAC World Congress (2002).
     """

@@ -97,11 +97,11 @@ PERCENTILES = (50, 68, 95, 99)
 class Percentiles:
     """Percentiles of the length of the position error.
 
-    Let e_i = p_i - p_ref,i be the position error [m]. The value position_pQ_m is the value that |e_i| does not exceed
-    at Q % of the counted rows (interpolated linearly between order statistics). The value position_horizontal_pQ_m uses
-    only east and north.
+    Let e_i = p_i - p_ref,i be the position error [m]. The metric position_pQ_m is the Q % quantile of |e_i| over the
+    counted rows (interpolated linearly between order statistics). The metric position_horizontal_pQ_m uses only the
+    east and north components of e_i.
 
-    The values are NaN without a counted row. The metric is computed only on request: ``metrics=[percentiles]``.
+    The values are NaN if no row is counted. The metric is computed only on request: ``metrics=[percentiles]``.
     """
 
     default: ClassVar[bool] = False
@@ -129,8 +129,8 @@ class RelativeError(Limited):
         relative_error_percent = 100/d sqrt(mean over i of |e_j(i) - e_i|^2)
 
     The displacements are not rotated or aligned, so the metric includes the effect of attitude errors. Rows within the
-    last d metres of the drive are left out. The value is NaN if no row remains. The metric is computed only on request:
-    ``metrics=[relative_error]``.
+    last d metres of the drive are left out. The value is NaN if all rows are left out. The metric is computed only on
+    request: ``metrics=[relative_error]``.
 
     Source: Geiger, Lenz and Urtasun, "Are we ready for autonomous driving?", CVPR 2012, 3.2, without the alignment.
 
@@ -194,9 +194,9 @@ class OneRecording:
         position_rmse_low_m, position_rmse_high_m   95 % interval of position_rmse_m
         error_correlation_rows                      rows that count as one: 1 + 2 sum of the autocorrelations of |e_i|^2
 
-    The interval is valid for other parts of such a drive, but not for other drives. The interval is NaN if the
+    The interval is valid for other parts of the same drive, but not for other drives. The interval is NaN if the
     recording is shorter than 75 times error_correlation_rows. By default, the metric is computed only for combinations
-    without seeds.
+    without random parts, which have only one run.
 
     Source: Künsch, "The jackknife and the bootstrap for general stationary observations", Ann. Statist. 17 (1989).
     """

@@ -125,7 +125,7 @@ def _updated(P: FloatArray, state: int, white: FloatArray, lasting: FloatArray) 
 # The posterior Cramer-Rao bound of the position.
 
 NEAR_STEPS = 1e-6
-"""Tolerance for a stamp that coincides with an IMU sample, in IMU intervals per sample of the recording."""
+"""Maximum distance of a stamp from a simultaneous IMU sample, in IMU intervals per IMU sample of the recording."""
 
 
 @register("metric", "position_bound")
@@ -149,10 +149,11 @@ class PositionBound:
     bound is valid for causal estimators without a model of the motion. The RMSE of a smoother, or of an estimator that
     models the motion of the vehicle, may be below the bound. The RMSE of a single run may be below the bound by chance.
 
-    The bound is NaN if the true noises are unknown, or if the system is not linear and Gaussian. These conditions occur
-    for real recordings, IMU grades, false forces (ruts, impacts), clipped samples, and disturbances that change the
+    The bound is NaN if the true noises are unknown, or if the system is not linear and Gaussian. The bound is therefore
+    NaN for real recordings, IMU grades, false forces (ruts, impacts), clipped samples, and disturbances that change the
     measurements of a sensor. Outages and missing fixes are taken into account. The metric is computed only on request:
-    ``metrics=[position_rmse,position_bound]``. The table of the position RMSE then contains the bound as a row.
+    ``metrics=[position_rmse,position_bound]``. With these metrics, the table of the position RMSE contains the bound as
+    a row.
 
     Source: doi:10.1109/78.668800 (Tichavsky, Muravchik and Nehorai, 1998).
     """

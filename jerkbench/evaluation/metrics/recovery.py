@@ -24,7 +24,7 @@ from jerkbench.recording import MeasuredVectors, Recording
 from jerkbench.timeline import VARIANCE_FLOOR
 
 LARGER = 4.0
-"""A measurement is faulty if its true variance exceeds this factor times the reported one (two times in sigma)."""
+"""A measurement is faulty if its true variance exceeds this factor times its reported variance (two times in sigma)."""
 
 
 def fault_windows_s(recording: Recording) -> FloatArray:
@@ -81,7 +81,7 @@ def step_response(t_s: FloatArray, error: FloatArray, begin_s: float, end_s: flo
 
     Args:
         t_s: (n,) times of the errors [s].
-        error: (n,) errors at these times.
+        error: (n,) errors at the times ``t_s``.
         begin_s: start of the fault [s].
         end_s: errors from this time on are ignored [s].
     """
@@ -123,9 +123,9 @@ class Recovery:
         recovery_peak_m    median peak
         faults_counted     faults that begin after the first counted row
 
-    If the error does not recover before the next fault, the time counts as infinite. The values recovery_s and
-    recovery_peak_m are NaN without a fault, and recovery_s is also NaN if the error does not recover after half of the
-    faults or more. The metric is computed only on request: ``metrics=[recovery]``.
+    If the error does not recover before the next fault, the recovery time of the fault counts as infinite. The values
+    recovery_s and recovery_peak_m are NaN without a fault, and recovery_s is also NaN if the error does not recover
+    after half of the faults or more. The metric is computed only on request: ``metrics=[recovery]``.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -173,8 +173,9 @@ class Outage(Summed):
         outages_counted   = number of outages in J
 
     The reference covers the distance d_j from the first to the last row inside outage j. An outage is not in J if the
-    reference or the run ends before the end of the outage. An error is NaN if no row or outage contributes to the
-    error. The percentage is also NaN without motion. All five values are NaN if the recording has no outages.
+    reference or the run ends before the end of the outage. A value is NaN if no row or outage contributes to the value.
+    The value outage_end_percent is also NaN if the reference does not move in the outages. All five values are NaN if
+    the recording has no outages.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -210,8 +211,8 @@ class OutageAxes:
         outage_rmse_horizontal_m  = sqrt(1/N sum (e_east^2 + e_north^2))
         outage_rmse_up_m          = sqrt(1/N sum e_up^2)
 
-    The measured wheel speed limits the horizontal error, whereas the vertical error depends on the attitude. The values
-    are NaN if no counted row is inside an outage.
+    In a GNSS outage, a measured wheel speed limits the horizontal error, whereas the vertical error depends on the
+    attitude. The values are NaN if no counted row is inside an outage.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -271,8 +272,8 @@ class Lockout:
         inflated_percent, rejected_percent       fraction of the updates
         lockout_s                                longest time from the first inflated update of a streak to its last
 
-    A filter that has drifted away and rejects all fixes has a long lockout. The values are NaN without an update that
-    has a position.
+    A filter that has drifted away and rejects all fixes has a long lockout. The values are NaN if no update has a
+    position.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -328,7 +329,7 @@ class _Displaced(NamedTuple):
         fixes: number of faulty fixes.
         begin_s: time of the first faulty fix [s].
         end_s: time of the next fix that is not faulty [s], or infinity without such a fix.
-        size_m: size of the fault: the largest square root of trace(R_true - R) over these fixes [m].
+        size_m: size of the fault: the largest square root of trace(R_true - R) over the faulty fixes [m].
     """
 
     fixes: int
@@ -353,10 +354,10 @@ def _displaced(recording: Recording) -> list[_Displaced]:
 class Gate:
     """Size of the single displaced fixes that a filter accepts, their effect, and the recovery time.
 
-    A spike is a single faulty fix between fixes that are not faulty. The true variance of a faulty fix on an axis is
-    more than four times the reported variance. The size of a spike is the square root of trace(R_true - R). A spike is
-    accepted if the update used at most four times the reported variance on every axis. Let e be the position error [m].
-    The metric includes the spikes after the first counted row::
+    A spike is a single faulty fix between fixes that are not faulty. A fix is faulty if its true variance on any axis
+    is more than four times the reported variance. The size of a spike is the square root of trace(R_true - R). A spike
+    is accepted if the update used at most four times the reported variance on every axis. Let e be the position error
+    [m]. The metric includes the spikes after the first counted row::
 
         spike_taken_m       the largest accepted spike; 0 without one
         spike_refused_m     the smallest spike that was not accepted; NaN without one
@@ -364,8 +365,8 @@ class Gate:
         spike_recovery_s    median time from the peak after a spike until |e| is halfway back and stays there
 
     A filter without a gate accepts the largest spike. For a sharp gate, spike_taken_m and spike_refused_m are almost
-    equal. The two values are not exactly equal, because the fixes are noisy. The values are NaN without a spike. The
-    metric is computed only on request: ``metrics=[gate]``, with the disturbance `spike_sweep`.
+    equal. They are not exactly equal, because the fixes are noisy. All values are NaN if no fix is a spike. The metric
+    is computed only on request: ``metrics=[gate]``, with the disturbance `spike_sweep`.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -414,16 +415,16 @@ class Capture:
     """Response of a filter to several fixes with a common false position, and to the correct fixes after them.
 
     A false stretch consists of two or more successive fixes whose true variance on an axis is more than four times the
-    reported variance. The size d of a stretch is the largest square root of trace(R_true - R) over these fixes. Let |e|
-    be the length of the position error [m] at counted rows::
+    reported variance. The size d of a stretch is the largest square root of trace(R_true - R) over the fixes of the
+    stretch. Let |e| be the length of the position error [m] at counted rows::
 
         captured_percent    fraction of the stretches at whose last row |e| > d/2: the filter followed
         returned_percent    fraction after which |e| <= d/2 before the next stretch or the end, permanently
         return_s            median time from the first correct fix until the return; infinite without a return
 
     A filter that rejects all fixes is not captured. If such a filter has drifted away, it does not return. The values
-    are NaN without a false stretch. The metric is computed only on request: ``metrics=[capture]``, with the disturbance
-    `false_return`.
+    are NaN if the recording has no false stretch. The metric is computed only on request: ``metrics=[capture]``, with
+    the disturbance `false_return`.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {

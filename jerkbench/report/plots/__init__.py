@@ -1,1 +1,1 @@
-"""Functions that draw Matplotlib figures. Each function returns one figure."""
+"""Functions that draw Matplotlib figures. Each of these functions returns one figure."""

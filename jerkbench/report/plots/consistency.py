@@ -29,16 +29,16 @@ from jerkbench.report.plots.style import (
 from jerkbench.report.table_model import number
 
 _WINDOW = 21
-"""Number of successive updates over which NIS is averaged. It must be odd."""
+"""Number of successive updates over which NIS is averaged (an odd number)."""
 
 
 def consistency_figure(runs: Sequence[tuple[Recording, Estimate]], name: str, palette: Palette | None = None) -> Figure:
-    """Draw NEES, averaged over the runs, and NIS per row, averaged over the runs and over `_WINDOW` updates.
+    """Draw the mean NEES over the runs, and the mean NIS per measured row over the runs and over `_WINDOW` updates.
 
-    NEES is computed from position and velocity, or only from the position if the velocity of the reference is unknown.
-    The band is the 95 % interval of the chi-square distribution. The NEES of a consistent filter is outside this band
-    for 5 % of the time. All runs must have the same reference stamps. Updates with the same index are averaged over the
-    runs.
+    If the velocity of the reference is unknown, NEES is computed only from the position error. The band in both panels
+    is the 95 % interval of the chi-square distribution. The NEES of a consistent filter is outside this band for 5 % of
+    the time. All runs must have the same reference time stamps. The NIS values of updates with the same index are
+    averaged.
     """
     recording, count = runs[0][0], f"{len(runs)} {'run' if len(runs) == 1 else 'runs'}"
     figure, (above, below) = panels_over_time(f"{recording.name}: {name}, {count}", 5.0, 2)
@@ -51,7 +51,7 @@ def consistency_figure(runs: Sequence[tuple[Recording, Estimate]], name: str, pa
 def nees(recording: Recording, estimate: Estimate) -> FloatArray:
     """Return the NEES (k,) of position and velocity, or only of the position if the reference velocity is unknown.
 
-    The NEES is NaN at rows whose reference is unknown or not scored, or whose covariance P is not positive definite.
+    The NEES is NaN where the reference is unknown or not scored, and where the covariance P is not positive definite.
     """
     m = 3 if recording.reference.velocity_mps is None else 6
     error = np.hstack([position_error_m(estimate, recording), velocity_error_mps(estimate, recording)])[:, :m]
@@ -89,7 +89,7 @@ def _draw_nis(axes: Axes, runs: Sequence[tuple[Recording, Estimate]], colour: st
     t_s = updates[0].t_s[:count][_WINDOW // 2 : count - _WINDOW // 2]
     summed = _moving(rows)
     kinds = (("nis", MEASURED, 2.4, "NIS, reported R"), ("nis_used", colour, 0.9, "NIS, R that was used"))
-    for attribute, shade, width, label in kinds:  # the wider line remains visible behind a line with equal values
+    for attribute, shade, width, label in kinds:  # a wider line is visible behind a line with equal values
         total = np.sum([np.nan_to_num(getattr(update, attribute)[:count], posinf=0.0) for update in updates], axis=0)
         axes.plot(t_s, _moving(total) / np.maximum(summed, 1), color=shade, linewidth=width, label=label)
     counts, places = np.unique(summed, return_inverse=True)
@@ -99,7 +99,7 @@ def _draw_nis(axes: Axes, runs: Sequence[tuple[Recording, Estimate]], colour: st
 
 
 def _moving(values: FloatArray) -> FloatArray:
-    """Return the sums over a moving window of `_WINDOW` values."""
+    """Return the sum of each window of `_WINDOW` successive values."""
     return np.convolve(values, np.ones(_WINDOW), mode="valid")
 
 
@@ -109,8 +109,8 @@ _AXES = ("East", "North", "Up")
 def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], palette: Palette | None = None) -> Figure:
     """Draw the square roots of the diagonal of R: position [m] on the left, velocity [m/s] on the right.
 
-    Methods that use the same R are drawn as one line, with the names of all these methods. A tick at the upper edge
-    marks an update that dropped this row of the measurement (infinite variance).
+    Methods with the same R have one common line, whose label contains the names of all these methods. A tick at the
+    upper edge marks an update in which the adaptation dropped this measurement (infinite variance).
     """
     figure, panels = panels_over_time(recording.name, 6.0, 3, 2)
     style_of = dict(method_styles(estimates, palette))
@@ -132,13 +132,16 @@ def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], pa
     return finished(figure, recording.reference.t_s)
 
 
-# The figure of the attitude: roll and pitch (Fig. 4 of the paper).
+# The figure of roll and pitch over time (Fig. 4 of the paper).
 
 _ANGLES = ("Roll", "Pitch")
 
 
 def tilt_figure(recording: Recording, estimates: Mapping[str, Estimate], palette: Palette | None = None) -> Figure:
-    """Draw roll and pitch [deg] and their reference over time. The legend contains the RMSE over the scored stamps."""
+    """Draw estimated roll and pitch [deg] and the reference over time.
+
+    The legend contains the RMSE of both angles over the scored time stamps.
+    """
     reference = recording.reference
     missing = ": no reference of the attitude" if reference.euler_rad is None else ""
     figure, panels = panels_over_time(recording.name + missing, 4.2, 2)

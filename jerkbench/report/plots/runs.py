@@ -1,4 +1,4 @@
-"""Figures of the runs of a scenario: position and inclination errors over time, and the trajectory from above."""
+"""Figures of single runs: position and inclination errors over time, and the trajectory from above."""
 
 from collections.abc import Mapping
 
@@ -50,17 +50,18 @@ def error_figure(
 ) -> Figure:
     """Draw the length of the position error [m] over time [s]. The legend contains the RMSE of each estimate.
 
-    Lines that coincide are drawn once, with the names of all their methods. For a single estimate, three more panels
-    contain the east, north and up errors with their three-sigma bands, unless ``panels`` is 1.
+    If the lines of several methods coincide, one line is drawn, whose label contains the names of all these methods. A
+    figure of a single estimate has three more panels with the east, north and up errors and their three-sigma bands,
+    unless ``panels`` is 1.
 
     Args:
-        recording: recording with the reference.
-        estimates: estimates by the name of the method.
+        recording: recording whose reference is used.
+        estimates: estimate of each method, by the name of the method.
         panels: number of panels. If ``panels`` is 1, only the length of the error is drawn. If ``panels`` is None, all
             available panels are drawn.
-        burn_in_s: time from which on errors count for the RMSE [s]. With the burn-in of the protocol, the RMSE is equal
-            to `position_rmse_m` in the tables.
-        palette: palette of the study.
+        burn_in_s: duration at the start whose errors do not count for the RMSE [s]. If ``burn_in_s`` is the burn-in of
+            the protocol, the RMSE equals `position_rmse_m` in the tables.
+        palette: colours and line styles of the methods of the study.
     """
     single = len(estimates) == 1 and recording.reference.enu_m is not None and panels != 1
     ratios, height_in = ([1.5, 1.0, 1.0, 1.0], 7.5) if single else ([1.0], 3.2)
@@ -75,7 +76,7 @@ def error_figure(
         for position, names in enumerate(coinciding(norms)):
             rmses = dict.fromkeys(_rmse(recording, estimates[each], burn_in_s) for each in names)
             label = f"{' = '.join(names)}: {', '.join(rmses)}"
-            order = 3 - 0.01 * position  # draw the first line on top
+            order = 3 - 0.01 * position  # the first line is on top
             stroke = styles[names[0]].stroke
             top.plot(
                 t_s[estimates[names[0]].index], norms[names[0]], **stroke, linewidth=1.0, label=label, zorder=order
@@ -102,7 +103,7 @@ def _rmse(recording: Recording, estimate: Estimate, burn_in_s: float) -> str:
 
 
 def _spread(norms: Mapping[str, FloatArray]) -> float:
-    """Return the ratio of the largest error of all methods to the smallest median error of a method."""
+    """Return the ratio of the largest error in the figure to the smallest median error of a method."""
     positive = [norm[np.isfinite(norm) & (norm > 0)] for norm in norms.values()]
     positive = [norm for norm in positive if len(norm)]
     return max(norm.max() for norm in positive) / min(float(np.median(norm)) for norm in positive) if positive else 1.0
@@ -111,7 +112,7 @@ def _spread(norms: Mapping[str, FloatArray]) -> float:
 def _draw_axis(axes: Axes, recording: Recording, estimate: Estimate, axis: int, colour: str) -> None:
     """Draw the position error along one axis and its three-sigma band.
 
-    The vertical range contains all errors and the median of the three-sigma band.
+    The range of the vertical axis contains all errors and the median width of the three-sigma band.
     """
     t_s = recording.reference.t_s[estimate.index]
     error = position_error_m(estimate, recording)[:, axis]
@@ -130,7 +131,10 @@ def _draw_axis(axes: Axes, recording: Recording, estimate: Estimate, axis: int, 
 def inclination_figure(
     recording: Recording, estimates: Mapping[str, Estimate], palette: Palette | None = None
 ) -> Figure:
-    """Draw the inclination error [deg] over time [s]. Rows that are not scored are thin, and excluded from the RMSE."""
+    """Draw the inclination error [deg] over time [s].
+
+    Rows that are not scored are drawn as a thin line, and are excluded from the RMSE.
+    """
     figure, (axes,) = panels_over_time(recording.name, 3.2, 1)
     axes.set_ylabel("Inclination error [deg]")
     for name, style in method_styles(estimates, palette):
@@ -145,7 +149,7 @@ def inclination_figure(
     return finished(figure, recording.reference.t_s)
 
 
-# The figure of a trajectory from above, with or without an enlarged part (Fig. 5 of the paper).
+# The figure of a trajectory from above, optionally with an enlarged part (Fig. 5 of the paper).
 
 
 WIDTH_IN = 7.0
@@ -156,10 +160,10 @@ LABELS_IN = 0.7
 def trajectory_figure(
     recording: Recording, estimates: Mapping[str, Estimate], palette: Palette | None = None
 ) -> Figure:
-    """Draw the reference, fixes, outages and all estimates in the plane of east and north [m], with equal scales.
+    """Draw the reference, fixes, outages and all estimates in the plane of east and north [m] with equal axis scales.
 
-    The range of the axes fits the reference. The legend marks estimates that leave this range. Estimates whose errors
-    coincide are drawn once, with the names of all their methods.
+    The range of the axes is determined by the reference. The legend marks estimates that leave the range of the axes.
+    Estimates whose errors coincide are drawn as one line, whose label contains the names of all their methods.
     """
     low, high = _window(recording, estimates)
     span = high - low
@@ -177,7 +181,7 @@ def _draw_map(
     palette: Palette | None,
     corners: tuple[FloatArray, FloatArray],
 ) -> None:
-    """Draw the recording and the estimates inside the lower left and the upper right corner [m]."""
+    """Draw the recording and the estimates in the area between the lower left and the upper right corner [m]."""
     low, high = corners
     _draw_recording(axes, recording)
     style_of = dict(method_styles(estimates, palette))
@@ -192,14 +196,17 @@ def _draw_map(
 
 
 def distinct(recording: Recording, estimates: Mapping[str, Estimate]) -> list[list[str]]:
-    """Return groups of names whose position errors coincide. Without a reference, each name is a separate group."""
+    """Return the names of the methods, in groups with coinciding position errors.
+
+    Without a reference, each method is a separate group.
+    """
     if recording.reference.enu_m is None:
         return [[name] for name in estimates]
     return coinciding({name: position_error_length_m(estimate, recording) for name, estimate in estimates.items()})
 
 
 def _draw_recording(axes: Axes, recording: Recording) -> None:
-    """Draw the fixes, the reference, and the parts of the reference inside outages."""
+    """Draw the position fixes and the reference, and highlight the parts of the reference during outages."""
     if recording.position is not None:
         fixes = recording.position.enu_m[:, :2]
         axes.plot(*fixes.T, ".", color=MEASURED, markersize=2.5, alpha=0.5, label="measured", zorder=1)
@@ -217,7 +224,7 @@ def _draw_recording(axes: Axes, recording: Recording) -> None:
 
 
 def _window(recording: Recording, estimates: Mapping[str, Estimate]) -> tuple[FloatArray, FloatArray]:
-    """Return the lower left and the upper right corner [m] (2,) of the area with the reference and a margin around it.
+    """Return the lower left and the upper right corner (2,) of the area of the reference plus a margin [m].
 
     Without a reference, the area contains all estimates.
     """
@@ -247,8 +254,8 @@ def inset_trajectory_figure(
 ) -> Figure:
     """Draw the trajectory from above, and below it an enlarged part around the largest horizontal error.
 
-    Errors that are too large for a magnification of `ENLARGED` are ignored when the enlarged part is selected. These
-    errors are visible in the upper panel.
+    The enlarged part is at least `ENLARGED` times as large as in the upper panel. Errors that are too large for this
+    magnification are visible in the upper panel and do not determine the enlarged part.
     """
     figure, truth = trajectory_figure(recording, estimates, palette), recording.reference.enu_m
     if truth is None:
@@ -258,7 +265,7 @@ def inset_trajectory_figure(
     widest_m = (high - low)[0] / (2 * ENLARGED)
     middle, worst_m = _worst_position(recording, truth, estimates, widest_m / 2)
     half_size = min(max(MIN_HALF_WIDTH_M, 5.0 * worst_m), widest_m) * np.array([1.0, 0.5])
-    middle = np.clip(middle, low + half_size, high - half_size)  # the enlarged area remains inside the axes
+    middle = np.clip(middle, low + half_size, high - half_size)  # the enlarged area must be inside the axes
     above_in = figure.get_figheight()
     figure.set_figheight(above_in + INSET_IN)
     figure.set_layout_engine("constrained")
@@ -274,7 +281,7 @@ def inset_trajectory_figure(
 def _worst_position(
     recording: Recording, truth: FloatArray, estimates: Mapping[str, Estimate], largest_m: float
 ) -> tuple[FloatArray, float]:
-    """Return the position (2,) [m] and the length [m] of the largest horizontal error below ``largest_m``."""
+    """Return the reference position (2,) and the length [m] of the largest horizontal error below ``largest_m``."""
     worst = np.zeros(len(truth))
     for estimate in estimates.values():
         with np.errstate(over="ignore", invalid="ignore"):

@@ -1,4 +1,4 @@
-"""Figures of all rows of a study (bars, heat map, curves over a parameter), and the figure of a parameter search."""
+"""Figures of a complete study (bars, heat map, curves over a parameter), and the figure of a parameter search."""
 
 import itertools
 import math
@@ -43,7 +43,7 @@ _GAP = 0.8
 
 
 class Bar(NamedTuple):
-    """The bar of one combination: its panel, its group in the panel, its name in the legend, its style, its results."""
+    """The bar of one combination, with its panel, its group in the panel, its name in the legend, style and results."""
 
     scene: str
     group: str
@@ -55,10 +55,10 @@ class Bar(NamedTuple):
 def bars_figure(table: Table, palette: Palette | None = None, floor: float = 0.0) -> Figure:
     """Draw a panel for each scenario of ``table``, with a group of bars for each row and a bar for each column.
 
-    The colour of a bar depends on the filter, and the hatch on the adaptation. Combinations that were not run are left
-    out. The bar of a combination with failed runs is pale, and the number of failed runs is printed at its foot. If the
-    median run failed, there is no bar. A dashed line shows the ``floor``: the value of the metric that the errors of
-    the reference alone would cause.
+    The colour of a bar represents the filter, and its hatch represents the adaptation. Combinations that were not run
+    are left out. The bar of a combination with failed runs is pale, and the number of failed runs is printed at the
+    foot of the bar. If the median run of a combination failed, the combination has no bar. A dashed line shows the
+    ``floor``: the value of the metric that the errors of the reference alone would cause.
     """
     bars = _bars(table, palette)
     scenes = list(dict.fromkeys(bar.scene for bar in bars))
@@ -74,14 +74,14 @@ def bars_figure(table: Table, palette: Palette | None = None, floor: float = 0.0
         if floor > 0:
             label = "floor: sigma of the reference" if axes is panels[0] else None
             axes.axhline(floor, color="black", linestyle="--", linewidth=0.8, label=label)
-    for name in (" / ".join(column) or "mean" for column in table.columns):  # invisible bars create the legend
+    for name in (" / ".join(column) or "mean" for column in table.columns):  # invisible bars for the legend
         styles = [bar.style for bar in bars if bar.column == name]
         colours, hatches = {style.colour for style in styles}, {style.hatch for style in styles}
         colour, hatch = colours.pop() if len(colours) == 1 else MEASURED, hatches.pop() if len(hatches) == 1 else ""
         panels[0].bar([0], [np.nan], color=colour, hatch=hatch, edgecolor="white", label=name)
     cells = [bar.cell for bar in bars if math.isfinite(bar.cell.mean) and bar.cell.mean > 0]
     means = [cell.mean for cell in cells]
-    if means and max(means) > LOGARITHMIC_FROM * min(means):  # the panels share the vertical axis
+    if means and max(means) > LOGARITHMIC_FROM * min(means):  # all panels have the same vertical axis
         panels[0].set_yscale("log")
         highest = max([3.0 * max(means), *(1.5 * cell.high for cell in cells if math.isfinite(cell.high))])
         panels[0].set_ylim(bottom=0.5 * min(means), top=highest)
@@ -96,7 +96,7 @@ def bars_figure(table: Table, palette: Palette | None = None, floor: float = 0.0
 
 
 def _bars(table: Table, palette: Palette | None) -> list[Bar]:
-    """Return a bar for each combination with an average or with failed runs, in the order of the table."""
+    """Return a bar for each combination that has an average or failed runs, in the order of the table."""
     placed = list(table.placed())
     methods = [(labels.get("filter", ""), labels.get("adaptation", NO_ADAPTATION)) for labels, _ in placed]
     palette = palette or Palette.of(methods)
@@ -147,19 +147,19 @@ def _draw_bar(axes: Axes, position: float, bar: Bar, *, named: bool) -> None:
         axes.annotate(number(cell.mean), (position, end), ha="center", fontsize=6, **offset)  # type: ignore[arg-type]  # as documented
 
 
-# The heat map of methods and scenarios: each error is coloured by its ratio to the best error of the scenario.
+# The heat map of methods and scenarios. The colour of a cell represents the ratio to the best error of the scenario.
 
 WORST = 100.0
 """Upper end of the colour scale, as a ratio to the best error of the scenario."""
 
 
 def heat_map_figure(table: Table, competing: Sequence[bool]) -> Figure:
-    """Draw the averages of ``table``, coloured by their ratio to the best average of the scenario.
+    """Draw a heat map of the averages in ``table``. Colours represent the ratio to the best average of the scenario.
 
     The methods (columns of the table) are the rows of the figure, and the scenarios (rows of the table) are its
     columns. A cell with failed runs has no colour and contains the number of failed runs. Cells of combinations that
-    were not run are empty. The names of references (methods that are not ``competing``) are in parentheses. Cells with
-    failed runs and references are not considered for the best average.
+    were not run are empty. The names of references (methods that are not ``competing``) are in parentheses. The best
+    average excludes references and cells with failed runs.
     """
     scenarios = [", ".join(values) for values in table.rows]
     names = [" + ".join(values) for values in table.columns]
@@ -192,7 +192,7 @@ def heat_map_figure(table: Table, competing: Sequence[bool]) -> Figure:
     return figure
 
 
-# Curves over a parameter: the process noise, or the size of a fault.
+# Curves of the metric as a function of a parameter: the process noise, or the size of a fault.
 
 _SIGMA = re.compile(r"(?:^|[ (,])accel_mps2=([0-9.eE+-]+)")
 PARAMETER = re.compile(r"([A-Za-z_0-9]+)=(-?[0-9.]+(?:[eE][+-]?[0-9]+)?)(?=[,)])")
@@ -204,7 +204,7 @@ SCENARIO, SIZE, NAME = "severity_of", "severity", "severity_name"
 
 
 def with_noise_sigma(rows: "pd.DataFrame") -> "pd.DataFrame":
-    """Return the rows whose noise label contains a value of accel_mps2, with the columns that `curves_figure` reads."""
+    """Return the rows whose noise label contains accel_mps2, and add the columns that `curves_figure` reads."""
     sigma_a = rows["noise"].astype(str).str.extract(_SIGMA.pattern)[0].astype(float)
     scenario = rows["dataset"].astype(str) + ": " + rows["disturbance"].astype(str)
     columns: dict[str, Any] = {SIZE: sigma_a, SCENARIO: scenario, NAME: "sigma_a [m/s$^2$]"}
@@ -212,9 +212,9 @@ def with_noise_sigma(rows: "pd.DataFrame") -> "pd.DataFrame":
 
 
 def with_severity(rows: "pd.DataFrame") -> "pd.DataFrame":
-    """Return the rows of disturbances that differ in only one parameter, with the columns that `curves_figure` reads.
+    """Return the rows of disturbances that differ in one parameter, and add the columns that `curves_figure` reads.
 
-    A parameter with fewer than `MIN_SIZES` values is ignored.
+    Parameters with fewer than `MIN_SIZES` different values are ignored.
     """
     import pandas as pd
 
@@ -226,7 +226,7 @@ def with_severity(rows: "pd.DataFrame") -> "pd.DataFrame":
     ]
     places = pd.DataFrame(found, columns=["disturbance", SCENARIO, NAME, SIZE])
     places["values"] = places.groupby([SCENARIO, NAME])[SIZE].transform("nunique")
-    most = places.loc[places.groupby("disturbance")["values"].idxmax()]  # select the parameter with the most values
+    most = places.loc[places.groupby("disturbance")["values"].idxmax()]  # parameter with the most values
     swept = rows.merge(most[most["values"] >= MIN_SIZES].drop(columns="values"), on="disturbance")
     swept[SCENARIO] = swept["dataset"].astype(str) + ": " + swept[SCENARIO]
     return swept
@@ -238,9 +238,9 @@ def curves_figure(swept: "pd.DataFrame", metric: str, palette: Palette | None = 
     A mean excludes runs that diverged or failed. A hollow point marks a mean that excludes at least one run.
 
     Args:
-        swept: rows returned by `with_noise_sigma` or `with_severity`.
+        swept: rows that `with_noise_sigma` or `with_severity` returned.
         metric: column of the metric.
-        palette: palette of the study.
+        palette: colours and line styles of the methods of the study.
     """
     swept = swept.assign(method=swept["filter"].astype(str) + " + " + swept["adaptation"].astype(str))
     scenes = list(swept.groupby(SCENARIO, sort=False))
@@ -273,20 +273,20 @@ def _draw_means(
         axes.plot(at[where], means[where], "o", color=style.colour, markerfacecolor=face, markersize=4.0)
 
 
-# The figure of a search: losses over each parameter, map of two parameters, lowest loss over the number of settings.
+# The figure of a parameter search: losses over one or two parameters, and lowest loss over the number of settings.
 
 _COLUMNS = 3
 
 
 class Profile(NamedTuple):
-    """The trials of a search as a function of one parameter, whose range is divided into b bins.
+    """The losses of a parameter search as a function of one parameter, whose range is divided into b bins.
 
     Attributes:
         name: name of the parameter.
         values: (n,) value of the parameter in each trial.
         middles: (b,) centres of the bins.
-        least: (b,) lowest loss of the trials in each bin. The loss is NaN for a bin without a trial.
-        selected: value of the parameter in the selected setting.
+        least: (b,) lowest loss of the trials in each bin. The value of a bin without a trial is NaN.
+        selected: value of the parameter in the setting that the search selected.
         log: whether the axis of the parameter is logarithmic.
     """
 
@@ -304,8 +304,8 @@ class Map(NamedTuple):
     Attributes:
         first: name of the parameter along the rows of the map.
         second: name of the parameter along the columns of the map.
-        least: (b, b) lowest loss of the trials in each bin. The loss is NaN for a bin without a trial.
-        selected: position of the selected setting in the range of each parameter, from 0 to 1.
+        least: (b, b) lowest loss of the trials in each bin. The value of a bin without a trial is NaN.
+        selected: relative position of the selected setting in the range of each parameter, from 0 (start) to 1 (end).
     """
 
     first: str
@@ -317,14 +317,13 @@ class Map(NamedTuple):
 def search_figure(
     profiles: Sequence[Profile], losses: FloatArray, most: Map | None, curve: Sequence[tuple[int, float]], title: str
 ) -> Figure:
-    """Draw the losses of a search.
+    """Draw the losses of a parameter search.
 
     Args:
         profiles: losses as a function of each parameter. Each parameter has one panel.
-        losses: (n,) loss of each trial.
-        most: lowest loss as a function of two parameters. If ``most`` is None, the panel of the two parameters is left
-            out.
-        curve: numbers of evaluated settings, each with the lowest loss of these settings.
+        losses: (n,) loss of each trial (each evaluated setting).
+        most: lowest loss as a function of two parameters, or None to leave out the panel of the two parameters.
+        curve: pairs of a number of evaluated settings and the lowest loss of these settings.
         title: title of the figure.
     """
     count = len(profiles) + (most is not None) + 1

@@ -47,14 +47,14 @@ LEGEND_ROW_IN = 0.22
 def new_figure(
     height_in: float, width_in: float = 7.0, layout: Literal["constrained", "compressed"] = "constrained"
 ) -> Figure:
-    """Return an empty figure with this height and width [inch]."""
+    """Return an empty figure with the given height and width [inch]."""
     return Figure(figsize=(width_in, height_in), dpi=DOTS_PER_INCH, layout=layout)
 
 
 def panels_over_time(
     title: str, height_in: float, rows: int, columns: int = 1, height_ratios: Sequence[float] | None = None
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure with a title and with panels that share their time axis, column by column."""
+    """Return a figure with a title, and its panels (column by column), which have a common time axis."""
     figure = new_figure(height_in)
     panels = figure.subplots(rows, columns, sharex=True, squeeze=False, height_ratios=height_ratios)
     figure.suptitle(literal(title), fontsize="medium")
@@ -64,7 +64,7 @@ def panels_over_time(
 
 
 def finished(figure: Figure, t_s: FloatArray) -> Figure:
-    """Style the axes of a figure over time, set the limits to the times ``t_s``, and add a legend below the axes."""
+    """Style the axes of a figure over time, set the time limits to the range of ``t_s``, and add a legend below."""
     for axes in figure.axes:
         if axes.lines:
             style_axes(axes)
@@ -76,16 +76,16 @@ def finished(figure: Figure, t_s: FloatArray) -> Figure:
 
 
 def shade_outages(axes: Axes, outages_s: FloatArray, label: str | None = None) -> None:
-    """Shade the outages. ``label`` is assigned to the first outage only, so that the legend contains it once."""
+    """Shade the outages. Only the first outage gets ``label``, so that the legend contains one entry."""
     for k, (begin, end) in enumerate(outages_s):
         axes.axvspan(begin, end, color=SHADE, alpha=0.28, linewidth=0, label=label if k == 0 else None, zorder=0)
 
 
 def style_axes(axes: Axes) -> None:
-    """Remove the box, draw a light grid behind the lines, and make the number of ticks independent of the height.
+    """Remove the frame of axes, draw a light grid behind the lines, and limit the number of ticks.
 
-    If the ticks depended on the height of the axes, they could change after the layout has measured their labels, and
-    the new labels could be clipped.
+    The number of ticks does not depend on the height of the axes. Otherwise, ticks could change after the layout has
+    measured the tick labels, and the new labels could be clipped.
     """
     if axes.get_yscale() == "linear":
         axes.yaxis.set_major_locator(MaxNLocator(5, steps=STEPS))
@@ -98,26 +98,29 @@ def style_axes(axes: Axes) -> None:
 
 
 def _plain(axis: Axis) -> None:
-    """Label the ticks of a logarithmic axis with plain numbers (0.02).
+    """Label the ticks of a logarithmic axis with decimal numbers (0.02) instead of powers.
 
     Axes of less than two decades have ticks at 1, 2 and 5 times each power of ten. Longer axes have ticks only at the
     powers of ten.
     """
     low, high = sorted(axis.get_view_interval())
     between = (1.0, 2.0, 5.0) if low > 0 and high < 100 * low else (1.0,)
-    narrow = low > 0 and high < 4 * low  # such a range contains at most one power of ten
+    narrow = low > 0 and high < 4 * low  # it contains at most one power of ten
     axis.set_major_locator(MaxNLocator(4, steps=STEPS) if narrow else LogLocator(subs=between, numticks=9))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 
 
 def literal(text: str) -> str:
-    """Return a name escaped for matplotlib, so that a ``$`` does not start a formula."""
+    """Return a name in which ``$`` is escaped, because Matplotlib would start a formula at ``$``."""
     return text.replace("$", r"\$")
 
 
 def legend_below(figure: Figure) -> None:
-    """Add a legend below the axes and increase the height of the figure. Long labels reduce the number of columns."""
+    """Add a legend below the axes and increase the height of the figure.
+
+    Longer labels reduce the number of legend columns.
+    """
     labels = [label for axes in figure.axes for label in axes.get_legend_handles_labels()[1]]
     if not labels:
         return
@@ -133,7 +136,10 @@ def legend_below(figure: Figure) -> None:
 
 
 def draw_ticks(axes: Axes, t_s: FloatArray, height: float, colour: str, label: str | None = None) -> None:
-    """Draw a tick at each time. ``height`` is the vertical position of the ticks, as a fraction of the axes."""
+    """Draw a short vertical line (tick) at each time.
+
+    ``height`` is the vertical position of the ticks, as a fraction of the axes.
+    """
     style = {"color": colour, "markersize": 4.0, "transform": axes.get_xaxis_transform(), "label": label}
     axes.plot(t_s, np.full(len(t_s), height), "|", **style)  # type: ignore[arg-type]  # as documented
 
@@ -150,12 +156,12 @@ COLOURS_OF_A_FILE = 128
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write ``figure`` to ``path`` atomically. The extension of the file determines the format: png, pdf, svg."""
+    """Write ``figure`` to ``path`` atomically. The file extension (png, pdf or svg) determines the format."""
     write_atomically(path, figure.savefig)
 
 
 def image_of(figure: Figure) -> "Image":
-    """Return ``figure`` as an image with a colour palette."""
+    """Return ``figure`` as an image with a limited number of colours."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -166,7 +172,7 @@ def image_of(figure: Figure) -> "Image":
     return image.quantize(COLOURS_OF_A_FILE, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
 
 
-# The style of a method in all figures and on the page: the filter defines the colour, the adaptation the line style.
+# In all figures and on the page, the filter defines the colour of a method, and the adaptation its line style.
 
 COLOURS = (*OKABE_ITO, "#332288", "#882255", "#117733", "#999933", "#661100", "#44AA99")
 """Colours of filters: the palette of Okabe and Ito, then darker colours of Paul Tol's muted palette (2021)."""
@@ -195,8 +201,8 @@ class MethodStyle(NamedTuple):
 
     Attributes:
         colour: colour that represents the filter.
-        dash: lengths of dashes and gaps that represent the adaptation on the page [pixels]. ``dash`` is empty for a
-            solid line.
+        dash: lengths of the dashes and gaps of the line that represents the adaptation on the page [pixels], empty for
+            a solid line.
         hatch: hatch that represents the adaptation in bars.
     """
 
@@ -206,7 +212,7 @@ class MethodStyle(NamedTuple):
 
     @property
     def stroke(self) -> dict[str, Any]:
-        """The colour and line style as keyword arguments of `Axes.plot`."""
+        """The colour and the line style as keyword arguments for `Axes.plot` of Matplotlib."""
         dashes = (0.0, tuple(_POINTS * length for length in self.dash)) if self.dash else "-"
         return {"color": self.colour, "linestyle": dashes}
 
@@ -224,7 +230,10 @@ class Palette(NamedTuple):
 
     @classmethod
     def of(cls, methods: Iterable[DrawnMethod]) -> "Palette":
-        """Return the palette of ``methods``. The filters are in the given order, and the adaptation "none" is first."""
+        """Return the palette for ``methods``.
+
+        The filters get colours in the given order. The adaptation "none" gets the first line style.
+        """
         methods = list(methods)
         adaptations = dict.fromkeys(adaptation for _, adaptation in methods)
         filters = tuple(dict.fromkeys(filter_name for filter_name, _ in methods))
@@ -233,7 +242,7 @@ class Palette(NamedTuple):
     def style(self, method: DrawnMethod) -> MethodStyle:
         """Return the style of a method.
 
-        An unknown filter or adaptation gets the style that follows the style of the last known name.
+        A filter or adaptation that is not in the palette gets the style after the last assigned style.
         """
         filter_name, adaptation = method
         dash = _index(self.adaptations, adaptation) % len(DASHES)
@@ -241,7 +250,7 @@ class Palette(NamedTuple):
 
 
 def method_of(name: str) -> DrawnMethod:
-    """Return the filter and the adaptation from the name of a method.
+    """Return the filter and the adaptation in the name of a method.
 
     >>> method_of("jerk(a=1, b=2) + mtf, accel_mps2=0.1")
     ('jerk(a=1, b=2)', 'mtf')
@@ -253,7 +262,7 @@ def method_of(name: str) -> DrawnMethod:
 
 
 def method_styles(names: Iterable[str], palette: Palette | None = None) -> Iterator[tuple[str, MethodStyle]]:
-    """Yield the name of each method with its style. Without a palette, the order of the names defines the styles."""
+    """Yield the name and the style of each method. Without a palette, the order of the names defines the styles."""
     names = list(names)
     palette = palette or Palette.of(map(method_of, names))
     return ((name, palette.style(method_of(name))) for name in names)
@@ -263,21 +272,21 @@ def _index(labels: tuple[str, ...], label: str) -> int:
     return labels.index(label) if label in labels else len(labels)
 
 
-# Curves over time: gaps, and curves that coincide.
+# Curves over time: gaps in a curve, and curves that coincide.
 
 COINCIDE = 0.01
 """Curves are drawn as one line if their relative difference is at most this value at all times."""
 
 
 def with_gaps(t_s: FloatArray, values: FloatArray, longest: float = 3.0) -> tuple[FloatArray, FloatArray]:
-    """Return times and values with NaN inserted into each gap of more than ``longest`` median time steps."""
+    """Return times and values with NaN inserted where a gap is longer than ``longest`` times the median time step."""
     steps = np.diff(t_s)
     places = np.flatnonzero(steps > longest * np.median(steps)) + 1 if len(steps) else np.empty(0, dtype=int)
     return np.insert(t_s, places, t_s[places - 1]), np.insert(values, places, np.nan)
 
 
 def coinciding(curves: Mapping[str, FloatArray]) -> list[list[str]]:
-    """Return groups of names whose curves coincide within `COINCIDE` with the first curve of the group."""
+    """Return groups of names. Curves of a group differ from the first one by a fraction of at most `COINCIDE`."""
     groups: list[list[str]] = []
     for name, values in curves.items():
         for names in groups:
