@@ -22,6 +22,7 @@ apart: [eskf15]
 apart_with_adaptations: []
 trials: 3
 plain_trials: 4
+tune_drives: 3
 apart_drives: 4
 only: [mtf, sage_husa_qr]
 """
