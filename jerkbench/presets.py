@@ -219,7 +219,7 @@ def _read_unresolved(path: Path) -> tuple[Any, list[str]]:
 
 @lru_cache(maxsize=256)
 def _parsed(path: Path, text: str) -> tuple[Any, list[str]]:
-    """Return a preset and the environment variables that the preset reads. The results are cached by the text."""
+    """Return a preset and the environment variables that the preset reads. The text is the key of the cache."""
     from omegaconf import OmegaConf
 
     from jerkbench.files import require_small

@@ -29,9 +29,9 @@ class Federated(Limited):
         R_block = lambda_i R_block
 
     The fusion of the local filters is exactly equal to the central filter with the scaled R, so this adaptation
-    computes only R. If no lambda exceeds 1, the result does not depend on beta. Covariances between position and
-    velocity in R are scaled by sqrt(lambda_p lambda_v), because local filters cannot use these covariances. If position
-    or velocity is not measured, beta does not change.
+    computes only R. If no lambda exceeds 1, the result does not depend on beta. The elements of R between position and
+    velocity are multiplied by sqrt(lambda_p lambda_v), so that R remains positive definite. If position or velocity is
+    not measured, beta does not change.
 
     The method works well on a fault of only position or only velocity, because only the R of the faulty measurement is
     inflated. All three axes of a block have the same factor lambda. A small beta increases the threshold of the

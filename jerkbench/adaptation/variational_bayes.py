@@ -45,7 +45,7 @@ class VariationalBayes(Limited):
 
     Attributes:
         forgetting: rho, forgetting factor of the estimated variance, between 0 and 1 [-].
-        start: a0, initial alpha, which is the weight of the reported variance in half updates [-].
+        start: a0, initial value of alpha [-]. The reported variance has the same weight as 2 a0 updates.
         passes: number of fixed-point passes in each update [-].
     """
 

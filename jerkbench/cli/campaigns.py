@@ -19,8 +19,8 @@ def tune_command(arguments: argparse.Namespace) -> None:
     """Find the best setting of a method, and test it on runs that the search has not used.
 
     KEY=VALUE are arguments of `jerkbench run`. Several values of dataset, disturbance and attitude, separated by
-    commas, are the scenarios of one tuning. Several values of filter and adaptation are methods, which are all tuned
-    with the same budget (-m).
+    commas, are the scenarios of one tuning. With -m, each combination of several filters and adaptations is a method,
+    and all methods are tuned with the same budget.
 
       jerkbench tune filter=jerk adaptation=mtf disturbance=none,noise_step trials=64
       jerkbench tune -m filter=baseline,jerk adaptation=none,mtf,chi2 disturbance=none,outliers study=mtf_chi2

@@ -94,7 +94,7 @@ class ParameterDistribution(NamedTuple):
 
 @cache
 def parse_distribution(text: str) -> ParameterDistribution:
-    """Parse ``parameter ~ distribution`` or ``parameter = other * factor ...`` with the name of a previous parameter.
+    """Parse ``parameter ~ distribution`` or ``parameter = previous * factor ...`` with a previous parameter.
 
     Raises:
         PluginError: the distribution is unknown, or its numbers are invalid.

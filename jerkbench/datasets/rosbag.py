@@ -17,12 +17,12 @@ from jerkbench.plugins import register
 class RosBag(BagDataset):
     """A ROS 1 or ROS 2 bag with an IMU and positions, whose topics are guessed or given by parameters.
 
-    Topics that are not specified are guessed. The guessed IMU topic measures gravity and has more messages than other
-    such topics. The guessed position topic has the type NavSatFix and contains valid fixes. The guessed velocity topic
-    is the twist with covariance that has the most messages, or the odometry with the most messages if such a twist does
-    not exist. The notes of the recording list the guessed topics. The topics of heading and reference are never
-    guessed. The supported types are Imu, NavSatFix, Odometry, Pose(WithCovariance)Stamped, Twist(WithCovariance)Stamped
-    and Vector3Stamped.
+    Topics that are not specified are guessed. The guessed IMU topic is the topic with the most messages among the IMU
+    topics that measure gravity. The guessed position topic has the type NavSatFix and contains valid fixes. The guessed
+    velocity topic is the twist with covariance that has the most messages, or the odometry with the most messages if
+    such a twist does not exist. The notes of the recording list the guessed topics. The topics of heading and reference
+    are never guessed. The supported types are Imu, NavSatFix, Odometry, Pose(WithCovariance)Stamped,
+    Twist(WithCovariance)Stamped and Vector3Stamped.
 
     Attributes:
         imu_topic: topic of angular rate and specific force, or empty to guess the topic.

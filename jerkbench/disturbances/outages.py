@@ -239,7 +239,7 @@ class DecimatePosition(Phased):
     phase: int | None = None
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording with only the fixes of the phase that ``seed`` determines."""
+        """Return the recording with every n-th fix. The first of these fixes depends on ``seed``."""
         position = recording.position
         if position is None:
             return recording

@@ -157,7 +157,7 @@ class _Run:
         return squared_distance_by(y, factor), self._is_sound(spread_by(K, rest, prior, R, rows))
 
     def _is_sound(self, spread: FloatArray) -> bool:
-        """Increase small variances by a rounding tolerance. Return whether x is finite and P is positive definite.
+        """Return whether x is finite and P is positive definite, after an increase of variances that are too small.
 
         The argument ``spread`` (n,) is the scale of the rounding errors of the variances
         (`jerkbench.kalman.spread_by`).

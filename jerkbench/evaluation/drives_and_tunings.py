@@ -59,8 +59,8 @@ class Losses(NamedTuple):
         tuned_plains: (P, R) log errors of each plain filter on the tuning drives.
         tuned_wide: (P, R) log errors of the plain filters in ``wide`` on the tuning drives.
         model: (M,) index of the plain filter with the same model as each method.
-        averaged: (M,) whether each method is part of the average of the adaptations in H1.
-        picked: (M,) whether each method can be selected as the best method of a tuning in H2.
+        averaged: (M,) whether hypothesis H1 includes each method in the average of the adaptations.
+        picked: (M,) whether hypothesis H2 includes each method in the selection of the best method of a tuning.
     """
 
     methods: FloatArray

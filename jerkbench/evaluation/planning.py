@@ -29,9 +29,9 @@ def seeds_needed(d: FloatArray, comparisons: int = 1, level: float = 0.05, criti
     The model of the mean of N seeds is mu + s Z/sqrt(N) with a standard normal Z. The comparison is decided if this
     mean is more than c standard errors away from 0. The result is the smallest N of the grid 6 * 1.05^k for which the
     probability of a decision is at least `POWER`, for every mu in the 95 % interval of the observed mean. The value s
-    is the upper confidence bound of the standard deviation at the level `CAUTION`. The value c is `critical_t` for N
-    seeds, times the ratio of ``critical`` to `critical_t` for the n observed seeds. This ratio is small if the
-    comparisons are correlated, and large if the log ratios have heavy tails.
+    is the upper confidence bound of the standard deviation at the level `CAUTION`. The value c is the product of
+    `critical_t` for N seeds and a ratio. The ratio is ``critical`` divided by `critical_t` for n seeds. This ratio is
+    small if the comparisons are correlated, and large if the log ratios have heavy tails.
 
     Args:
         d: (n,) log ratios of the two methods, all finite, n > 1.

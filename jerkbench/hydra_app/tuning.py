@@ -187,7 +187,7 @@ def cases_of(jobs: Sequence[Job], options: TuneOptions, first_seed: int) -> Case
     if split == "auto":
         split = "seeds" if all(job.scenario.seeded for job in jobs) else "time"
     if split in ("recordings", "families") and not options.held_out:
-        raise PluginError(f"split={split} needs the names that are used only for the test; give held_out=[NAME,...].")
+        raise PluginError(f"split={split} needs the names of the {split} for the test; give held_out=[NAME,...].")
     if split == "seeds":
         return by_seeds(jobs, seeds)
     if split == "time":
@@ -218,7 +218,7 @@ def _command(tuning: Tuning, presets: Path, typed: Sequence[str], method: Sequen
 
 
 def _not_tuned(tuning: Tuning, method: Sequence[str]) -> list[str]:
-    """Return the arguments of a method that are not part of the presets of the tuned method."""
+    """Return the arguments in ``method`` that set no tuned parameter."""
     tuned = {f"r_scale.{name}" for name in tuning.space.of_part("r_scale", tuning.setting)}
     covered = {part for part in TUNED_PARTS if tuning.space.of_part(part, tuning.setting)} | tuned
     return [override for override in method if not {owner(override), override.partition("=")[0]} & covered]

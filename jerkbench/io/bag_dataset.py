@@ -393,9 +393,10 @@ class _Assembly:
 
 
 def _at_body(position: Position, reference: Reference, lever_arm_m: tuple[float, ...]) -> Position:
-    """Convert fixes of the antenna to fixes of the body's reference point: p_body = p_antenna - Omega l.
+    """Convert fixes of the antenna to fixes of the body's reference point: p_body = p_antenna - C l.
 
-    Omega is the attitude of the reference at the stamp nearest to the fix, and l is the lever arm.
+    C is the rotation matrix from the body frame to ENU, from the reference at the stamp nearest to the fix. l is the
+    lever arm.
     """
     if not any(lever_arm_m):
         return position

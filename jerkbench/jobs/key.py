@@ -129,8 +129,9 @@ MAX_HASHED_BYTES = 64_000_000
 def plugin_digest(cls: type) -> str:
     """Return a hash of the code of a plugin of another package and of its base classes.
 
-    For a plugin of jerkbench without `depends_on`, the result is an empty string. If the class was defined in an
-    interactive session, the hash differs in each process, because changes of the class cannot be detected.
+    For a plugin of jerkbench without `depends_on`, the result is an empty string. The source of a class that was
+    defined in an interactive session is not available. The hash of such a class is different in each process, so its
+    runs are computed again.
     """
     known = KNOWN_MODULES | sys.stdlib_module_names
     bases = [base for base in cls.__mro__ if base.__module__.partition(".")[0] not in known]

@@ -55,7 +55,9 @@ def reason_of(error: Exception) -> str:
 
 @contextmanager
 def plugin_errors(job: Job) -> Iterator[None]:
-    """Convert exceptions of a plugin to `PluginError`. Errors of jerkbench and of a full disk are not converted.
+    """Convert exceptions of a plugin to `PluginError`.
+
+    Errors of jerkbench, and errors because the disk is full, are raised unchanged.
 
     Raises:
         PluginError: A plugin raised an exception, and the environment variable `TRACEBACK` is not set.

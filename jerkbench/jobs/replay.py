@@ -42,7 +42,7 @@ class StoredRow:
 
     Attributes:
         job: The job, created from the stored configuration.
-        draw: The seed of the row (or the phase, if the job has no random parts).
+        draw: The seed of the row. If the job has no random parts, ``draw`` is the index of the phase of the recording.
         row: The stored row: labels, seed, status and metrics of the run.
         metadata: The stored metadata of the job: configuration, protocol, notes and versions.
     """

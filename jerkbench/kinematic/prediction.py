@@ -51,7 +51,7 @@ def _predict_pair(P: FloatArray, A: FloatArray, Q: FloatArray, AP: FloatArray, a
 
 
 def read_step(run: Runs, steps: Steps, model: Model, k: int) -> None:
-    """Copy the filter input u, and A, b and Q of the model, for step ``k`` to ``run``."""
+    """Copy the values of step ``k`` to ``run``: the filter input u, and A, b and Q of the model."""
     length = steps.model[k]
     read(steps.u, steps.sample[k], run.u)
     read_matrix(model.A, length, run.A_step)

@@ -258,7 +258,7 @@ def _numbers(value: object) -> list[float]:
     return [value] if isinstance(value, (bool, int, float)) else []
 
 
-# Compiled adaptations in Python.
+# Python classes that call compiled adaptations.
 
 
 class _Kind(Keyed):

@@ -52,7 +52,7 @@ def _add_errors(run: Runs, scored: Scoring, k: int) -> None:
     square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2]
     sums[WITH_BURN_IN] += weights[1] * square
     sums[MAX_ERROR] = select(weights[0] * square, sums[MAX_ERROR], square, sums[MAX_ERROR])
-    if anywhere(square - scored.limit_m2):  # the largest ROWS_LEFT is the first divergence, also in a backward pass
+    if anywhere(square - scored.limit_m2):  # at the first divergence, the number of remaining rows is the largest
         left = select(square, scored.limit_m2, float(len(scored.weights) - k), 0.0)
         sums[DIVERGED] = select(left, sums[ROWS_LEFT], square, sums[DIVERGED])
         sums[ROWS_LEFT] = select(left, sums[ROWS_LEFT], left, sums[ROWS_LEFT])

@@ -149,7 +149,7 @@ def _write_update(run: Runs, left: FloatArray, solved: FloatArray) -> None:
     for r in range(6):
         for a in range(len(run.x)):
             left[r, a] = (1.0 - run.fine[r] if r == a else 0.0) - Z[r, a]
-        for c in range(6):  # replace G in M by L^-1
+        for c in range(6):  # the columns of M that contain G are overwritten with L^-1
             M[r, 7 + c] = run.used[r] if r == c else 0.0
             for j in range(r):
                 M[r, 7 + c] -= M[j, r] / M[j, j] * M[j, 7 + c]

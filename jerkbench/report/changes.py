@@ -461,7 +461,7 @@ def other_methods(first: Study, second: Study) -> list[str]:
 def _shared(first: Study, second: Study) -> Iterator[tuple[Combination, Conditions, Conditions]]:
     """Yield each common combination of two studies, with its conditions in the first and in the second study.
 
-    If each study has only one combination, these two combinations are paired even if their factors differ.
+    If both studies have only one combination, the two combinations are paired even if their factors differ.
     """
     jobs = [{Combination(**of): study.metadata[key] for key, of in study.labels.items()} for study in (first, second)]
     for name, a, b in common_pairs(*jobs):

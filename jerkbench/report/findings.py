@@ -259,9 +259,9 @@ def _named(names: Sequence[str]) -> str:
 def findings(rows: "pd.DataFrame", verdicts: StudyVerdicts, baseline: Mapping[str, str] | None = None) -> list[str]:
     """Return a sentence for each comparison with ``baseline``, sorted by decreasing size of the difference.
 
-    If ``baseline`` is None, the baselines are ``adaptation=none`` and ``filter=baseline``. If the study contains no
-    such comparison, the pairs of methods that `strongest` describes are used. The result is empty for a metric for
-    which lower values are not better.
+    If ``baseline`` is None, the baselines are ``adaptation=none`` and ``filter=baseline``. If the study has no run with
+    such a baseline, the function compares the pairs of methods that `strongest` selects. The result is empty for a
+    metric for which lower values are not better.
 
     Raises:
         JerkbenchError: no combination has the values of the baseline.
@@ -383,7 +383,7 @@ def failures_clause(comparison: Comparison, subject: str, baseline: str) -> str:
     return f"; {'; '.join(parts)}"
 
 
-# The strongest findings of a study: comparisons over all scenarios of methods that differ in one factor.
+# The strongest findings of a study: pairs of methods that differ in one factor, compared over all scenarios.
 
 REFERENCES = {"filter": "baseline", "adaptation": "none"}
 """For each factor, the reference value with which its other values are compared."""

@@ -157,7 +157,7 @@ def _recordings(cells: ReviewedCells) -> Answered:
 def _seeds(rows: "pd.DataFrame") -> Answered:
     """Check that each combination has enough successful seeds, and that methods of a scenario ran the same seeds."""
     seeded = rows[rows["replicate"] == "seed"]
-    # The other rows are phases of a recording, or the single run of a combination without random parts.
+    # A row without a seed is a phase of a recording, or the single run of a combination without random parts.
     per_cell = rows[rows["replicate"] == "phase"].groupby([*FACTORS]).size()
     phases, single = int(per_cell[per_cell > 1].sum()), int((per_cell == 1).sum())
     more = f" {single} rows are the one run of a recording in which nothing is random." if single else ""

@@ -245,8 +245,8 @@ def summarise(
         row_keys: factors that define the rows (by default, all varying factors that do not define the columns).
         column_keys: factors that define the columns (by default, usually the adaptation; see `columns.layout`).
         notes: further footnotes, for example about combinations that were left out.
-        baseline: values of the factors that define the baseline. For each cell, the ratio to the combination that
-            differs only by having these values is computed.
+        baseline: values of the factors that define the baseline. The table shows the ratio of each combination to the
+            combination that has these values and is equal in the other factors.
         verdicts: verdicts of the study for this metric, which determine the ratios and the best methods. If
             ``verdicts`` is None, the verdicts are computed from ``rows``.
         leaders: whether to mark the best methods of each row.
@@ -281,9 +281,9 @@ def main_metric(rows: "pd.DataFrame") -> str:
 def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerdicts) -> dict[Values, TableCell]:
     """Return ``cells`` in which the best methods of each row are marked.
 
-    Methods in a row are marked only if the columns are methods, and if at least one method is significantly worse than
-    another. If some of the best methods have neither failed runs nor missing values, only these methods are marked.
-    Phases of a recording are not tested, so their rows have no marks.
+    A row has marks only if each column of the table is a method, and if at least one method of the row is significantly
+    worse than another method. If some of the best methods have neither failed runs nor missing values, only these
+    methods are marked. Phases of a recording are not tested, so their rows have no marks.
     """
     if not verdicts.judged or not grid.down or {"dataset", "disturbance"} & set(grid.down):  # columns are scenarios
         return cells

@@ -103,7 +103,7 @@ class TableCell(NamedTuple):
 
     @property
     def geometric_text(self) -> str:
-        """If the average is a median, text with the geometric mean of the successful runs, otherwise an empty text."""
+        """Text with the geometric mean of the successful runs, or an empty text in a cell without a median."""
         return f"gm {number(self.geometric)}" if self.kind == MEDIAN and math.isfinite(self.geometric) else ""
 
     @property

@@ -355,9 +355,9 @@ class Gate:
     """Size of the single displaced fixes that a filter accepts, their effect, and the recovery time.
 
     A spike is a single faulty fix between fixes that are not faulty. A fix is faulty if its true variance on any axis
-    is more than four times the reported variance. The size of a spike is the square root of trace(R_true - R). A spike
-    is accepted if the update used at most four times the reported variance on every axis. Let e be the position error
-    [m]. The metric includes the spikes after the first counted row::
+    is more than four times the reported variance. The size of a spike is the square root of trace(R_true - R). A filter
+    accepts a spike if the variance in its update is at most four times the reported variance on every axis. Let e be
+    the position error [m]. The metric includes the spikes after the first counted row::
 
         spike_taken_m       the largest accepted spike; 0 without one
         spike_refused_m     the smallest spike that was not accepted; NaN without one
