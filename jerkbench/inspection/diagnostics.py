@@ -245,13 +245,11 @@ COSINE_GAIN = 0.2
 """Minimum cosine between the corrected series and the fixes, and its minimum gain over the axes as given."""
 
 WAY_S = 5.0
-"""Length of the windows [s] in which distances are compared. In short windows, noise dominates. In long windows, bends
-of the path dominate."""
+"""Length of the windows for comparing distances [s]. Noise dominates in short windows, bends in long windows."""
 
 MAX_WAY_ERROR, MIN_WAY_ERROR = 0.15, 0.3
-"""Limits of |ratio - 1|, where ratio is the median ratio of the distance between fixes to the distance of the wheels. A
-mistake is reported if this difference is at least the second limit as given, and at most the first limit after a swap.
-Bends, slip and the scale of the wheel cause a difference even with correct axes."""
+"""Limits of |q - 1|, where q is the median ratio of distances (fixes to wheels). A swap of axes is reported if |q - 1|
+is at least the second limit as given, and at most the first limit after the swap."""
 
 MAX_UNWRAPPED_RAD = 4 * np.pi
 """Maximum roll and pitch in radians. Unwrapped angles may exceed pi, but not this value."""
@@ -423,8 +421,7 @@ def first_diagnoses(recording: Recording) -> list[Diagnosis]:
 
 MIN_ALIGNED, MIN_OFFSET_RAD = 0.95, 0.35
 """Minimum length of the mean of unit vectors for which their direction counts as constant, and minimum constant
-difference between heading and course [rad] that is reported. The difference is 0 for a vehicle that drives along its
-axis."""
+difference between heading and course [rad] that is reported."""
 
 
 def heading_convention(recording: Recording) -> list[Diagnosis]:

@@ -59,8 +59,7 @@ def metric_names(wanted: Sequence[str], *, seeded: bool = True) -> tuple[str, ..
 
 @cache
 def _by_default(name: str) -> bool:
-    metric = plugins.get("metric", name)
-    return plugins.is_builtin(metric) and getattr(metric, "default", True)
+    return plugins.is_builtin(metric := plugins.get("metric", name)) and getattr(metric, "default", True)
 
 
 # The configuration group ``noise`` sets process noise parameters of the filter.
@@ -324,9 +323,8 @@ def _made(kind: str, cls: type, config: str) -> tuple[Any, dict[str, Any]]:
     return _new_part(kind, json.loads(config))
 
 
-@lru_cache(maxsize=64)
-def _metrics(names: Sequence[str], classes: Sequence[type]) -> Mapping[str, Metric]:
-    del classes  # the classes are part of the cache key, as in `_made`
+@lru_cache(maxsize=64)  # with the classes as part of the key, as in `_made`
+def _metrics(names: Sequence[str], _classes: Sequence[type]) -> Mapping[str, Metric]:
     return {name: _part("metric", {"name": name})[0] for name in names}
 
 

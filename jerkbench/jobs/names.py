@@ -185,9 +185,9 @@ def refusal(job: Job, adaptations: str = "") -> str:
     """
     dataset, model = job.scenario.dataset, job.method.filter
     if is_attitude_only(dataset) and not is_attitude_only(model):
-        return _lacking(job, "positions", _filters(is_attitude_only))
+        return _lacking(job, "positions", is_attitude_only)
     if getattr(dataset, "without_imu", False) and uses_imu(model):
-        return _lacking(job, "IMU", _filters(lambda cls: not uses_imu(cls)))
+        return _lacking(job, "IMU", lambda cls: not uses_imu(cls))
     if getattr(model, "for_each_seed", True) is False and len(job.draws) > 1:
         files = f"the filter {job.labels.filter} has one file for {len(job.draws)} runs"
         return f"{files}; write {{seed}} instead of the seed in its name, or give seeds=1"
@@ -208,11 +208,7 @@ def require_sensible(job: Job) -> None:
         raise PluginError(f"Invalid combination: {reason}.")
 
 
-def _lacking(job: Job, stream: str, filters: Sequence[str]) -> str:
+def _lacking(job: Job, stream: str, fits: Callable[[type], bool]) -> str:
     dataset, model = (job.spec[kind]["name"] for kind in ("dataset", "filter"))
-    others = ", ".join(filters)
+    others = ", ".join(name for name in plugins.names("filter") if fits(plugins.get("filter", name)))
     return f"the data set {dataset} has no {stream}, so the filter {model} cannot be used; possible filters: {others}"
-
-
-def _filters(fits: Callable[[type], bool]) -> list[str]:
-    return [name for name in plugins.names("filter") if fits(plugins.get("filter", name))]
