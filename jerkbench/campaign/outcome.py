@@ -110,7 +110,7 @@ def _against_first(tunings: Sequence[Tuning]) -> list[str]:
     said = judged([log_ratios(other.score.errors, first.score.errors) for other in others])
     heading = (
         f"Error as a ratio to the error of {first.name}, both tuned, on the same seeds, with simultaneous 95 %"
-        " intervals (a seed counts as lost if a run of any scenario is lost):"
+        " intervals (a seed counts as failed if a run of any scenario diverged or failed):"
     )
     return [heading, *(_judged_line(other.name, judgement) for other, judgement in zip(others, said, strict=True)), ""]
 

@@ -61,7 +61,7 @@ LIMIT = 20
 WANTED = (("baseline", "none"), ("jerk", "mtf"), ("jerk", "none"), ("gnss_only", "none"))
 """Methods (filter and adaptation) that are drawn in addition to the best method, if the study contains them."""
 
-SHOWN_METHODS = 5
+SHOWN_METHODS = 6
 """Maximum number of methods in a figure. User plugins and methods requested by name may exceed this number."""
 
 FROM_ELSEWHERE = ("command", "trajectory")
