@@ -22,11 +22,11 @@ MAX_FILE_LINES = 500
 MAX_MODULES, MAX_FOLDERS = 166, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
-    "campaign": 1709,
+    "campaign": 1681,
     "cli": 885,
     "compilation": 427,
     "evaluation": 997,
-    "hydra_app": 721,
+    "hydra_app": 720,
     "hydra_plugins": 15,
     "inertial": 1040,
     "inspection": 1788,
@@ -35,7 +35,7 @@ MAX_CODE = {
     "jobs": 1774,
     "kinematic": 1309,
     "plugins": 806,
-    "report": 3219,
+    "report": 3175,
     "simulation": 598,
 }
 """Lines of code of each package without docstrings, comments, blank lines, imports and plugins. They may only fall."""

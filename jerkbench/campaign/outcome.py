@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 from omegaconf import OmegaConf
 
-from jerkbench.arrays import FloatArray
 from jerkbench.campaign.protocol import digest_of
 from jerkbench.campaign.search import SearchOutcome, Trials, Tuning
 from jerkbench.campaign.space import Space
@@ -25,12 +24,10 @@ from jerkbench.report.writers import passive
 TEMPLATES = Path(__file__).parent / "templates"
 CURVE = (1, 4, 16, 64, 256, 1024)
 """Numbers of trials at which the budget curve (lowest loss against number of trials) is evaluated."""
-BINS = 8
-"""Number of intervals into which the range of a parameter is divided in profiles and in maps of two parameters."""
 
 
 def write_tuning(tuning: Tuning, folder: Path, command: str) -> str:
-    """Write all output files of a tuning except the figure, and return the text of the page.
+    """Write all output files of a tuning, and return the text of the page.
 
     Args:
         tuning: The tuned method.
@@ -178,44 +175,6 @@ def indistinct_intervals(space: Space, outcome: SearchOutcome) -> list[tuple[flo
     half = 0.5 * len(trials) ** (-1.0 / len(space.parameters))
     low, high = np.maximum(near.min(axis=0) - half, 0.0), np.minimum(near.max(axis=0) + half, 1.0)
     return [(p.bounds.value(a), p.bounds.value(b)) for p, a, b in zip(space.parameters, low, high, strict=True)]
-
-
-def write_figure(tuning: Tuning, folder: Path) -> Path:
-    """Draw the loss profile of each parameter, a loss map of the two main parameters, and the budget curve."""
-    from jerkbench.report.plots.studies import Map, Profile, search_figure
-    from jerkbench.report.plots.style import save_figure
-
-    space, trials = tuning.space, tuning.outcome.trials
-    fractions, drawn = space.fractions(trials.settings), None
-    profiles = [
-        Profile(
-            parameter.name,
-            values,
-            np.array([parameter.bounds.value((part + 0.5) / BINS) for part in range(BINS)]),
-            _lowest_losses(fractions[:, [k]], trials.means),
-            tuning.setting[k],
-            parameter.bounds.log,
-        )
-        for k, (parameter, values) in enumerate(zip(space.parameters, np.array(trials.settings).T, strict=True))
-    ]
-    if len(profiles) > 1:
-        spread = [np.nan_to_num(np.nanmax(profile.least) - np.nanmin(profile.least)) for profile in profiles]
-        first, second = np.argsort(spread, kind="stable")[:-3:-1].tolist()
-        x, y = space.fractions([tuning.setting])[0, [first, second]].tolist()
-        lowest = _lowest_losses(fractions[:, [first, second]], trials.means)
-        drawn = Map(space.names[first], space.names[second], lowest, (x, y))
-    title = f"{tuning.name}: {tuning.objective.name}, {len(trials)} settings"
-    path = folder / "search.png"
-    save_figure(search_figure(profiles, trials.means, drawn, budget_curve(trials), title), path)
-    return path
-
-
-def _lowest_losses(fractions: FloatArray, losses: FloatArray) -> FloatArray:
-    """Return the lowest loss in each bin of the parameter space, or NaN for a bin without trials."""
-    from scipy.stats import binned_statistic_dd
-
-    ranges = [(0.0, 1.0)] * fractions.shape[1]
-    return np.asarray(binned_statistic_dd(fractions, losses, "min", bins=BINS, range=ranges).statistic)
 
 
 TUNED_PARTS = ("filter", "adaptation", "attitude")

@@ -15,6 +15,7 @@ from jerkbench.errors import PluginError, RecordingError
 from jerkbench.jobs.job import MAX_RUNS, Job
 from jerkbench.recording import Recording
 from jerkbench.renamed import new_name
+from jerkbench.report.labels import REUSED
 
 STREAMS = ("imu", "position", "velocity", "heading", "reference")
 MIN_ROWS = 2
@@ -214,7 +215,7 @@ def reused_seeds(notes: Iterable[str], jobs: Sequence[Job]) -> list[str]:
     for first, tuned, selected, tested in splits:
         last = int(selected or tuned)
         if shared := seeds.intersection(range(int(first), last + 1)):
-            reused = f"The presets were tuned on the seeds {first} to {last}, and {len(shared)} of them are run again"
+            reused = f"{REUSED}{first} to {last}, and {len(shared)} of them are run again"
             unused = f"Give first_seed={int(tested) + 1} for seeds that the tuning has not used"
             messages.append(f"{reused}, so the errors are too optimistic. {unused}.")
     return messages

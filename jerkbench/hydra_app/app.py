@@ -63,7 +63,9 @@ def run_one(config: DictConfig) -> None:
             print(f"This command runs {swept}; add -m to run all combinations.", file=sys.stderr)
         require_sensible(job)
         plan = planned([job])
-        for line in (*first_notes(plan.jobs), *reused_seeds(options["notes"], plan.jobs)):
+        reused = reused_seeds(options["notes"], plan.jobs)
+        options["notes"] = [*options["notes"], *reused]
+        for line in (*first_notes(plan.jobs), *reused):
             print(line, file=sys.stderr)
         if options["dry"]:
             print_forecast(plan, store, options)
@@ -151,13 +153,13 @@ def _planned(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[s
         composed = compose_jobs(loader, config, jobs)
         config.notes = list(dict.fromkeys(note for job in composed for note in job.plain["notes"]))
         plan = planned(job.job() for job in composed)
-    cluster = cluster_of(config)
-    remarks = (*first_notes(plan.jobs), *reused_seeds(config.notes, plan.jobs))
-    for line in (*plan.refused, *first_complaints(plan.jobs), *remarks):
+    reused = reused_seeds(config.notes, plan.jobs)
+    config.notes = [*config.notes, *reused]
+    for line in (*plan.refused, *first_complaints(plan.jobs), *first_notes(plan.jobs), *reused):
         print(line, file=sys.stderr)
     if not plan.jobs:
         exit_with(PluginError("There is nothing to run, because every combination was left out."))
-    return plan, cluster
+    return plan, cluster_of(config)
 
 
 FAILED = 1
@@ -221,15 +223,14 @@ def _write_and_print(store: Store, seeds: JobSeeds, config: DictConfig, level: f
     """Write the tables of a study, print the table of the jobs in ``seeds``, and return the study of these jobs."""
     from jerkbench.report.terminal import print_beginning, print_table
 
-    folder = store.folder.parent
     store.compact()
-    study, table = concluded(folder, seeds, list(config.notes), sys.argv, level)
+    study, table = concluded(store.folder.parent, seeds, list(config.notes), sys.argv, level)
     shown = study.only(seeds)
     if len(shown.rows) == len(study.rows):
         print_beginning(table)
     else:
         print_table(shown.rows, shown.notes)
-    print(f"\nRows, tables and manifest: {folder}", flush=True)
+    print(f"\nRows, tables and manifest: {store.folder.parent}", flush=True)
     return shown
 
 

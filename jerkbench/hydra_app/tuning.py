@@ -10,7 +10,7 @@ from pathlib import Path
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from jerkbench.campaign.outcome import TUNED_PARTS, preset_overrides, tunings_table, write_figure, write_tuning
+from jerkbench.campaign.outcome import TUNED_PARTS, preset_overrides, tunings_table, write_tuning
 from jerkbench.campaign.runs import CampaignRuns
 from jerkbench.campaign.search import Budget, Evaluator, Tuning, objective_of, tune
 from jerkbench.campaign.space import R_STREAMS, space_of
@@ -27,7 +27,6 @@ from jerkbench.jobs.job import Job
 from jerkbench.jobs.names import require_sensible
 from jerkbench.jobs.progress import Progress
 from jerkbench.presets import take_folders, user_folders
-from jerkbench.report import Choice, figures_choice
 
 Arguments = Sequence[str]
 """Arguments of a command."""
@@ -147,8 +146,6 @@ def tune_all(overrides: Sequence[str], *, several: bool, compare: bool = False) 
         presets = folder / tuning.name / "conf"
         command = _command(tuning, presets, shared, method, several=len(scenarios) > 1)
         print(write_tuning(tuning, folder / tuning.name, command))
-        if figures_choice(config["figures"]) is not Choice.NONE:
-            print(f"Figure: {write_figure(tuning, folder / tuning.name)}\n")
     print(tunings_table(tunings))
     print(f"\nSettings, presets and trials: {folder}")
     if compare:

@@ -77,8 +77,7 @@ def _left_out(reason: str, adaptations: Sequence[str]) -> str:
 
     The message lists the adaptations of these combinations.
     """
-    names = ", ".join(dict.fromkeys(adaptations))
-    count = len(adaptations)
+    count, names = len(adaptations), ", ".join(dict.fromkeys(adaptations))
     return f"Left out {count} combination{'s' * (count > 1)}: {reason.replace(_ADAPTATIONS, names)}."
 
 

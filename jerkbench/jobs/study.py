@@ -18,7 +18,7 @@ from jerkbench.jobs.store import HEAD_COLUMNS, Store, Stored, frame
 from jerkbench.renamed import new_label
 from jerkbench.report.comparisons import SPENDS
 from jerkbench.report.labels import Labels, bare, conditions, with_distinct_labels, with_one_name
-from jerkbench.report.study_notes import code_of, notes_of_study
+from jerkbench.report.study_notes import code_of, notes_of_part, notes_of_study
 from jerkbench.report.writers import write_rows_csv
 
 if TYPE_CHECKING:
@@ -83,11 +83,12 @@ class Study:
         return dict(zip(self.keys[first], records, strict=True))
 
     def only(self, keys: Iterable[str]) -> "Study":
-        """Return a copy of the study that contains only the jobs with the given keys."""
+        """Return a copy of the study that contains only the jobs with the given keys, and their notes."""
         mask = self.keys.isin(list(keys)).to_numpy()
         rows, keys_of_rows = self.rows[mask].reset_index(drop=True), self.keys[mask].reset_index(drop=True)
         metadata = {key: self.metadata[key] for key in dict.fromkeys(keys_of_rows)}
-        return replace(self, rows=rows, keys=keys_of_rows, metadata=metadata)
+        notes = notes_of_part(self.notes, self.metadata.values(), metadata.values())
+        return replace(self, rows=rows, keys=keys_of_rows, notes=notes, metadata=metadata)
 
 
 def load_study(folder: Path, seeds: JobSeeds | None = None) -> Study:
@@ -116,7 +117,7 @@ def load_study(folder: Path, seeds: JobSeeds | None = None) -> Study:
     with_one_name(list(labels.values()), list(known.values()))
     order = {key: position for position, key in enumerate(dict.fromkeys([*manifest.get("cells", []), *named]))}
     current = _current(stored, labels, order, set(named or manifest.get("last", [])))
-    keys, about = [job.key for job in current], [job.metadata for job in current]
+    keys, about, noted = [job.key for job in current], [job.metadata for job in current], manifest.get("notes", {})
     unlike = with_distinct_labels([labels[key] for key in keys], [known[key] for key in keys])
     rows = frame(
         pa.concat_tables([job.table for job in current]), chain(HEAD_COLUMNS, *(job.columns for job in current))
@@ -126,16 +127,16 @@ def load_study(folder: Path, seeds: JobSeeds | None = None) -> Study:
         rows[name] = pd.Series([labels[key][name] for key in keys_of_rows], dtype="str")
     spent = [level for key in keys if (level := manifest.get("levels", {}).get(key)) is not None]
     rows.attrs.update({SPENDS: min(spent)} if spent else {})
-    configured = [note for key in keys for note in manifest.get("notes", {}).get(key, [])]
     outdated, others = len(stored) - len(current), sum(job.others for job in stored)
-    notes = notes_of_study(rows, about, [*unlike, *configured], outdated=outdated, other_runs=others, damaged=damaged)
+    configured = [*unlike, *chain.from_iterable(noted.get(key, []) for key in keys)]
+    notes = notes_of_study(rows, about, configured, outdated=outdated, other_runs=others, damaged=damaged)
     return Study(
         folder,
         rows,
         tuple(notes),
         keys=pd.Series(keys_of_rows),
         code=code_of(about),
-        metadata=dict(zip(keys, about, strict=True)),
+        metadata={k: {**of, "notes": [*noted.get(k, []), *of["notes"]]} for k, of in zip(keys, about, strict=True)},
         damaged=tuple(damaged),
         unlike=tuple(unlike),
     )

@@ -10,6 +10,7 @@ from jerkbench.evaluation.intervals import OUTLIER_FACTOR, failures_text, up_to
 from jerkbench.evaluation.judgement import BY_FAILURES, DEFEATS, WINS, Judgement, Verdict
 from jerkbench.report.columns import FACTORS
 from jerkbench.report.comparisons import UNTESTED, Comparison, Standing, failures_range
+from jerkbench.report.labels import TUNED_SUFFIX
 from jerkbench.report.study_verdicts import StudyVerdicts
 from jerkbench.report.table_model import factor_number, number
 
@@ -106,6 +107,8 @@ def method_pairs(standings: Iterable[Standing]) -> list[MethodPair]:
 
 # The main result of a study: a title that names the best method, and up to three sentences.
 
+_BASELINES = (f"baseline{TUNED_SUFFIX}", "baseline")
+"""Labels of the filters that are references, the preferred label first."""
 _NAMED = 3
 """Maximum number of methods or scenarios that a sentence lists."""
 
@@ -182,21 +185,26 @@ def _of_methods(tested: Sequence[Standing], methods: int) -> Answer:
 def reference_method(tested: Iterable[Standing]) -> str:
     """Return the name of the reference method, with which all other methods of a study are compared.
 
-    Only methods that ran in the largest number of scenarios are considered. The first choice is the filter ``baseline``
-    without adaptation, and the second choice is the first method without adaptation. If every method has an adaptation,
-    the first method is returned.
+    Only methods that ran in the largest number of scenarios are considered. The first choice is the tuned filter
+    ``baseline`` without adaptation, then ``baseline`` without tuning, then the first filter without adaptation. If this
+    filter ran with several settings, the setting with the smallest error is returned, because a comparison with a worse
+    setting would make all other methods look better.
     """
     names: dict[str, list[Combination]] = {}
     for standing in tested:
         for rival in standing.rivals:
             names.setdefault(standing.name(rival), []).append(rival)
 
-    def order(name: str) -> tuple[int, bool, bool]:
-        rivals = names[name]
-        plain = rivals[0].adaptation == "none"
-        return len(rivals), plain and rivals[0].filter == "baseline", plain
+    def order(name: str) -> tuple[int, bool, int]:
+        plain, model = names[name][0].adaptation == "none", names[name][0].filter
+        return len(names[name]), plain, -_BASELINES.index(model) if plain and model in _BASELINES else -len(_BASELINES)
 
-    return max(names, key=order)
+    first = max(names, key=order)
+    settings = [
+        name for name in names if order(name) == order(first) and names[name][0].filter == names[first][0].filter
+    ]
+    compared = [against(standing, first) for standing in tested]
+    return min(settings, key=lambda name: mean_log_ratio(compared, name))
 
 
 def against(standing: Standing, reference: str) -> dict[str, Comparison]:
@@ -229,7 +237,7 @@ def pair_finding(method_pair: MethodPair) -> str:
         if rounds:
             of = f" of {len(method_pair.rounds)} scenarios" if not parts and len(method_pair.rounds) > 1 else ""
             name, largest = max(rounds, key=lambda one: certain_size(one[1]))
-            most = f"{'most ' if len(rounds) > 1 else ''}on {name}: {size_text(largest)}"
+            most = f"{'most ' if len(rounds) > 1 else ''}{f'on {name}: ' if name else ''}{size_text(largest)}"
             parts.append(f"{text} in {len(rounds)}{of}{f' ({most})' if certain_size(largest) else ''}")
     return f"{method_pair.ours} against {method_pair.theirs}: {'; '.join(parts)}."
 
@@ -327,7 +335,7 @@ def varying_factors(rows: "pd.DataFrame") -> tuple[str, ...]:
 def study_baselines(rows: "pd.DataFrame", factors: Sequence[str] = ("adaptation", "filter")) -> list[dict[str, str]]:
     """Return a baseline for each factor of which the study contains the reference value (`REFERENCES`) and others."""
     values = {factor: set(rows[factor].astype(str)) for factor in factors}
-    return [{factor: REFERENCES[factor]} for factor in factors if {REFERENCES[factor]} < values[factor]]
+    return [{factor: name} for factor, name in _references(values).items() if {name} < values[factor]]
 
 
 def method_names(comparison: Comparison, varying: Sequence[str]) -> tuple[str, str, str]:
@@ -385,8 +393,14 @@ def failures_clause(comparison: Comparison, subject: str, baseline: str) -> str:
 
 # The strongest findings of a study: pairs of methods that differ in one factor, compared over all scenarios.
 
-REFERENCES = {"filter": "baseline", "adaptation": "none"}
-"""For each factor, the reference value with which its other values are compared."""
+REFERENCES = {"filter": _BASELINES, "adaptation": ("none",)}
+"""For each factor, the reference values. The other values are compared with the first one that a study contains."""
+
+
+def _references(values: Mapping[str, set[str]]) -> dict[str, str]:
+    """Return the reference value of each factor of which ``values`` contains a reference value."""
+    found = {factor: [name for name in REFERENCES[factor] if name in known] for factor, known in values.items()}
+    return {factor: names[0] for factor, names in found.items() if names}
 
 
 def strongest(standings: Sequence[Standing]) -> list[str]:
@@ -410,8 +424,7 @@ def strongest(standings: Sequence[Standing]) -> list[str]:
 def informative_standings(standings: Sequence[Standing]) -> list[Standing]:
     """Return each scenario, reduced to the comparisons that the function `strongest` describes."""
     rivals = {rival for standing in standings for rival in standing.rivals}
-    values = {factor: {rival[k] for rival in rivals} for k, factor in enumerate(FACTORS)}
-    references = {factor: name for factor, name in REFERENCES.items() if name in values[factor]}
+    references = _references({factor: {getattr(rival, factor) for rival in rivals} for factor in REFERENCES})
 
     def of_one_factor(pair: Comparison) -> bool:
         values = zip(FACTORS, pair.subject, pair.baseline, strict=True)

@@ -13,6 +13,8 @@ from jerkbench.renamed import new_name
 
 TUNED_SUFFIX = ", tuned"
 """Suffix of the label of a filter whose preset was written by `jerkbench tune`."""
+REUSED = "The presets were tuned on the seeds "
+"""Start of the note about runs with seeds that a tuning used."""
 
 
 class Labels(Combination):

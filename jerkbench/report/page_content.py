@@ -33,14 +33,15 @@ MAX_FINDINGS = 10
 def settings(about: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
     """Return the name of each method, and text with the parameters of the method.
 
-    The text lists the parameters of the filter and the adaptation with all values that occur in the study.
+    The text lists the parameters of the filter and the adaptation, and the factors on R that are not 1, with all values
+    that occur in the study.
     """
     values: dict[str, dict[str, dict[str, None]]] = {}
     for cell in about:
         seen = values.setdefault(" + ".join(str(cell["labels"][factor]) for factor in METHOD_PARTS), {})
-        for kind in METHOD_PARTS:
-            for name, value in cell["spec"][kind].items():
-                if name != "name":
+        for kind in (*METHOD_PARTS, "r_scale"):
+            for name, value in cell["spec"].get(kind, {}).items():
+                if name != "name" and (kind, value) != ("r_scale", 1.0):
                     text = number(value) if isinstance(value, float) else str(value)
                     seen.setdefault(f"{kind}.{name}", {})[text] = None
     texts = {

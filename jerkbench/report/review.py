@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from jerkbench.evaluation.metrics.consistency import EXPECTED_ANEES
 from jerkbench.evaluation.over_seeds import NEAR
 from jerkbench.report.columns import FACTORS, METHOD, SCENARIO_FACTORS, competes, with_metric
-from jerkbench.report.labels import TUNED_SUFFIX
+from jerkbench.report.labels import REUSED, TUNED_SUFFIX
 from jerkbench.report.table_model import arranged
 
 if TYPE_CHECKING:
@@ -72,8 +72,8 @@ def review(rows: "pd.DataFrame", cells: ReviewedCells, metric: str) -> list[Chec
         "Is the covariance of the receiver used?": _covariance(cells),
         "Were the baselines tuned with the same budget?": _budget(cells),
         "Is there more than one recording?": _recordings(cells),
-        "Are there enough seeds?": _seeds(rows),
-        "Are the best filters near enough to consistent?": _consistency(rows, metric),
+        "Are there enough seeds?": _seeds(rows, cells),
+        "Are the best filters approximately consistent?": _consistency(rows, metric),
         "Is the reference independent of the measurements?": _independence(cells),
     }
     return [Check(question, *answer) for question, answer in answers.items()]
@@ -154,8 +154,8 @@ def _recordings(cells: ReviewedCells) -> Answered:
     return not once, text
 
 
-def _seeds(rows: "pd.DataFrame") -> Answered:
-    """Check that each combination has enough successful seeds, and that methods of a scenario ran the same seeds."""
+def _seeds(rows: "pd.DataFrame", cells: ReviewedCells) -> Answered:
+    """Check that each combination has enough successful seeds that no tuning used, the same for all its methods."""
     seeded = rows[rows["replicate"] == "seed"]
     # A row without a seed is a phase of a recording, or the single run of a combination without random parts.
     per_cell = rows[rows["replicate"] == "phase"].groupby([*FACTORS]).size()
@@ -169,8 +169,10 @@ def _seeds(rows: "pd.DataFrame") -> Answered:
     drawn = seeded.groupby([*FACTORS])["seed"].agg(lambda seeds: str(sorted(seeds)))
     same = drawn.groupby(level=["dataset", "disturbance", "attitude"]).nunique().max() == 1
     other = "" if same else " Combinations of one scenario have different seeds."
-    passed = bool(well.min() >= _MIN_SEEDS and not more and same)
-    return passed, f"{counted} successful seeds for each combination; required: {_MIN_SEEDS}.{other}{more}"
+    reused = [f" {note}" for cell in cells for note in cell["notes"] if note.startswith(REUSED)][:1]
+    passed = bool(well.min() >= _MIN_SEEDS and not more and same and not reused)
+    required = f"{counted} successful seeds for each combination; required: {_MIN_SEEDS}."
+    return passed, "".join([required, other, more, *reused])
 
 
 def _consistency(rows: "pd.DataFrame", metric: str) -> Answered:

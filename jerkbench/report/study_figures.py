@@ -454,10 +454,8 @@ def write_report(
     from jerkbench.report.page import page
 
     pictures, stretches = draw_study(study, request, workers)
-    manifest, about = read_manifest(study.folder), {}
-    for key, labels in study.labels.items():
-        notes = [*manifest.get("notes", {}).get(key, []), *study.metadata[key]["notes"]]
-        about[key] = {**study.metadata[key], "labels": labels, "notes": list(dict.fromkeys(notes))}
+    manifest = read_manifest(study.folder)
+    about = {key: {**study.metadata[key], "labels": labels} for key, labels in study.labels.items()}
     name, provenance = study.folder.resolve().name, {key: manifest[key] for key in PROVENANCE if key in manifest}
     given = name, study.rows, list(study.keys), about, study.notes, provenance, pictures, stretches
     write_text(path, page(*given, rule=rule, method=method))

@@ -1,6 +1,6 @@
 """Notes below the tables of a study: notes about recordings, code versions, and results that are left out."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from jerkbench import plugins
@@ -59,6 +59,14 @@ def notes_of_study(
     if damaged:
         notes.append(f"{damaged_files(damaged)} left out: {', '.join(map(plain, damaged))}.")
     return [*notes, *_provenance_notes(jobs), *_worse_than_fixes(rows, jobs)]
+
+
+def notes_of_part(
+    notes: Iterable[str], jobs: Iterable[JobMetadata], selected: Iterable[JobMetadata]
+) -> tuple[str, ...]:
+    """Return the notes of a study without the notes that belong only to jobs that are not selected."""
+    of_jobs, left = ({note for job in several for note in job["notes"]} for several in (jobs, selected))
+    return tuple(note for note in notes if note in left or note not in of_jobs)
 
 
 def code_of(jobs: Sequence[JobMetadata]) -> str:

@@ -176,7 +176,7 @@ def across(verdicts: StudyVerdicts) -> list[str]:
     ranges = rank_range(logs)
     order = np.argsort(ranges.rank, kind="stable")[:_MAX_METHODS]
     places = [f"{methods[k]} {ranges.rank[k]} ({ranges.low[k]} to {ranges.high[k]})" for k in order]
-    more = f", and {len(methods) - _MAX_METHODS} others" if len(methods) > _MAX_METHODS else ""
+    more = f", and {len(methods) - _MAX_METHODS} more" if len(methods) > _MAX_METHODS else ""
     reading = "with their 95 % range for other scenarios of this kind and other seeds (bootstrap)"
     sentences = [f"Ranks over {len(scenarios)} scenarios by geometric mean, {reading}: {', '.join(places)}{more}."]
     pairs, means = math.comb(len(methods), 2), logs.mean(axis=(0, 1))

@@ -106,6 +106,7 @@ def test_notes_belong_to_their_cells_and_say_what_is_not_shown(tmp_path):
     told = "Not as published: simplified: bias. `jerkbench show` describes the differences."
     notes = load_study(tmp_path / "b").notes
     assert notes == ("a corrected note", "a note on bias", "recording of 1", "recording of 2", told)
+    assert load_study(tmp_path / "b").only(["1"]).notes == ("a corrected note", "recording of 1", told)
 
 
 def test_what_cannot_be_written_or_told_apart_is_refused_before_anything_runs(tmp_path):

@@ -87,6 +87,28 @@ def test_of_leaders_that_tie_the_one_with_the_lowest_error_comes_first(study):
     assert " share the lead in 2 of 2 scenarios; " in said(both).title
 
 
+def test_the_reference_is_the_tuned_baseline_and_of_several_settings_the_best(study, cell_rows):
+    factors = {"baseline": (9.0, 9.0), "baseline, tuned": (3.0, 3.0), "jerk, tuned": (1.0, 1.0)}
+    told = said(study(factors, scenes=SCENES[:2]))
+    begin, times = told.title.split(" and is up to ")
+    assert begin == "Of 3 methods, jerk, tuned leads in 2 of 2 scenarios"
+    assert times.endswith(" times better than baseline, tuned")
+    assert float(times.split()[0]) == pytest.approx(3.0, rel=0.03)
+
+    rng = np.random.default_rng(5)
+    shared = np.exp(0.5 * rng.standard_normal(20))
+    settings = [("baseline", "accel_mps2=0.05", 8.0), ("baseline", "accel_mps2=1", 2.0), ("jerk", "default", 1.0)]
+    rows = [
+        row
+        for name, noise, factor in settings
+        for row in cell_rows(name, "none", factor * shared * np.exp(0.02 * rng.standard_normal(20)), noise=noise)
+    ]
+    title = said(pd.DataFrame(rows)).title
+    assert title.startswith("Of 3 methods, jerk")
+    assert title.endswith(" times better than baseline+accel_mps2=1")
+    assert float(title.split(" and is ")[1].split()[0]) == pytest.approx(2.0, rel=0.03)
+
+
 def test_a_significant_difference_within_the_margin_is_neither_a_win_nor_undecided(study):
     rows = study({"gauss": (0.985, 0.985), "jerk": (1.0, 1.0)}, scenes=SCENES[:2], seeds=60)
     told = said(rows)

@@ -17,7 +17,7 @@ from jerkbench.jobs.replay import stored_row
 from jerkbench.jobs.store import Store
 from jerkbench.report.drawings import Picture
 from jerkbench.report.page import page
-from jerkbench.report.page_content import encoded, nees_verdict
+from jerkbench.report.page_content import encoded, nees_verdict, settings
 from jerkbench.report.review import TUNED, review
 
 SWEEP = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,multipath_single_axis", "seeds=2"]
@@ -242,6 +242,9 @@ TOLD = changed(cell(1, data="hash"), spec={"filter": {"name": "eskf15", "positio
 GOOD = [cell(k, dataset, window=k) for k in (1, 2, 3) for dataset in ("field", "field_ruts")]
 
 
+OVERLAP = "The presets were tuned on the seeds 0 to 7, and 8 of them are run again, so the errors are too optimistic."
+
+
 def tuned(one, trials=64):
     """The cell, with the note of a preset that was tuned."""
     return changed(one, notes=[*one["notes"], f"{TUNED}trials={trials}."])
@@ -286,12 +289,27 @@ def test_only_what_was_withheld_has_phases(runs, said, not_said):
         ("recordings", [cell(k, name, data="same") for k in (1, 2) for name in ("drive", "ride")], {}),
         ("recordings", [*GOOD, other(1, 1)], {}),
         ("seeds", GOOD, {"lost": 3}),
+        ("seeds", [*GOOD[1:], changed(GOOD[0], notes=[*GOOD[0]["notes"], OVERLAP])], {}),
         ("consistency", GOOD, {"lost": 12}),
         ("independence", [*GOOD, changed(cell(dataset="drive"), notes=["drive has no reference: none."])], {}),
     ],
 )
 def test_what_is_missing_fails_the_review(question, cells, more):
     assert answers(cells, **more)[question] is False
+
+
+def test_the_reason_names_the_seeds_that_a_tuning_used():
+    cells = [changed(one, notes=[*one["notes"], OVERLAP]) for one in GOOD]
+
+    assert checks(cells)["seeds"].reason.endswith(f" {OVERLAP}")
+
+
+def test_the_settings_of_a_method_contain_the_factors_on_r():
+    scaled = changed(cell(0.04), spec={"r_scale": {"position": 3.7, "velocity": 1.0}})
+
+    assert settings([scaled]) == [
+        ("jerk + none", "filter.accel_mps2 0.0400, adaptation.window 1, r_scale.position 3.70")
+    ]
 
 
 def test_what_the_log_reports_is_no_replacement():
