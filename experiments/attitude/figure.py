@@ -4,8 +4,8 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
-from tables import Errors, tuned
-from trials import DEFAULTS, DOMAINS, all_trials
+from tables import Errors, losses_on
+from trials import DEFAULTS, DOMAINS, METHODS, all_trials
 
 from jerkbench.evaluation.counted_rows import angle_between
 from jerkbench.geometry import vertical_in_body
@@ -15,7 +15,7 @@ from matplotlib import pyplot as plt
 
 TICKS_DEG = {
     "broad": (0.3, 1, 3, 10),
-    "tstick": (0.3, 1, 3, 10, 100),
+    "tstick": (0.2, 0.5, 1, 2),
     "kitti": (0.6, 1, 2, 5),
     "kitti_start": (0.1, 0.3, 1),
     "field": (0.03, 0.1, 0.3),
@@ -24,17 +24,17 @@ TRIAL = "21_undisturbed_fast_combined"
 
 
 def draw_dots(errors: Errors, path: Path) -> None:
-    """Inclination error of each method on each trial, tuned without it, with the median."""
+    """Draw the inclination error of each method on each trial, tuned on the other sessions, with the median."""
     figure, panels = plt.subplots(1, len(errors), figsize=(13, 4), sharey=True, squeeze=False, layout="constrained")
     for panel, (domain, own) in zip(panels[0], errors.items(), strict=True):
-        losses = tuned(own)
-        for row, loss in enumerate(losses.values()):
-            deg = np.exp(np.median(loss, axis=0))
+        losses = losses_on(own)
+        for row, name in enumerate(METHODS):
+            deg = np.exp(np.median(losses[name], axis=0))
             jitter = np.linspace(-0.25, 0.25, len(deg))
             panel.plot(deg, row + jitter, "o", ms=3, alpha=0.6, color="tab:blue")
             panel.plot([np.median(deg)] * 2, [row - 0.35, row + 0.35], color="black", lw=2)
         panel.set(xscale="log", title=DOMAINS[domain], xlabel="RMSE of the inclination [deg]")
-        panel.set_yticks(range(len(losses)), losses.keys())
+        panel.set_yticks(range(len(METHODS)), METHODS)
         panel.set_xticks(TICKS_DEG[domain], [f"{tick:g}" for tick in TICKS_DEG[domain]], minor=False)
         panel.minorticks_off()
     panels[0, 0].invert_yaxis()

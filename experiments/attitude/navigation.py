@@ -1,7 +1,7 @@
 """What the tilt is worth to the navigation: the same attitudes under baseline and jerk on KITTI's drives.
 
 The fixes are the reference's places with the replayed errors of two receivers: semi-real. Each attitude has the setting
-with the lowest mean log error of the tilt on the other drives, once with a start of its own, once with a known one.
+with the lowest median log error of the tilt on the drives of other days, without and with a known start.
 """
 
 from collections.abc import Iterator
@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from tables import VERDICT_HEADS, Errors, verdict_cells, verdicts_on
-from trials import METHODS, after_start, with_noise
+from tables import VERDICT_HEADS, Errors, lowest, verdict_cells, verdicts_on
+from trials import METHODS, session_of, with_noise
 
 from jerkbench.api import disturb, estimate, evaluate
 from jerkbench.attitude.common import TiltAndYaw
@@ -72,24 +72,17 @@ def navigation_rows(folder: Path, errors: Errors, drives: int | None, workers: i
     """Drive, trace, filter, attitude, RMSE of the position [m], of the first ``drives`` (None: all)."""
     paths = sorted(folder.glob("*drive*.parquet"))
     places = [(path, number) for number, path in enumerate(paths) if path.stem not in UNSOUND][:drives]
-    known = [path for number, path in enumerate(paths) if after_start(path, number)]
     chosen = [
         {
-            (name, domain): _left_out(errors[domain][name], of.index(path) if path in of else None)
+            (name, domain): lowest([errors[domain].on_other_sessions(name, session_of(domain, path.stem))])
             for name in TILTS
-            for domain, of in (("kitti", paths), ("kitti_start", known))
+            for domain in ("kitti", "kitti_start")
         }
         for path, _ in places
     ]
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
         found = [row for rows in pool.map(_drive_rows, *zip(*places, strict=True), chosen) for row in rows]
     return pd.DataFrame(found, columns=COLUMNS).astype({ERROR: "float32"})
-
-
-def _left_out(loss: np.ndarray, number: int | None) -> int:
-    """The best setting on all drives but one."""
-    others = loss if number is None else np.delete(loss, number, axis=1)
-    return int(others.mean(axis=1).argmin())
 
 
 def _drive_rows(path: Path, number: int, chosen: dict[tuple[str, str], int]) -> list[tuple[str, str, str, str, float]]:
@@ -118,22 +111,16 @@ def _rows(path: Path, number: int, chosen: dict[tuple[str, str], int]) -> Iterat
 
 
 def navigation_table(rows: pd.DataFrame) -> str:
-    """Position errors with each attitude against those with `constant`, and how much of the gap to eskf15 it closes."""
+    """Position errors with each attitude, and of eskf15, against the position errors with `constant`."""
     rows = rows.assign(loss=np.log(rows[ERROR].astype(float)))
     mean = rows.pivot_table(index=["filter", "attitude"], columns="drive", values="loss")  # over the traces
-    inertial = mean.loc[(INERTIAL, "constant")].to_numpy()
+    inertial = {
+        str(name).replace("constant", "eskf15"): mean.loc[(INERTIAL, name)] for name in mean.loc[INERTIAL].index
+    }
     parts = []
     for model in KINEMATIC:
-        own = {str(name): mean.loc[(model, name)].to_numpy()[None] for name in mean.loc[model].index}
-        gap = float((own["constant"] - inertial).mean())
-        gains = {name: (own["constant"] - own[name]).mean() for name in own}
-        closed = {name: f"{gain / gap:.2f}" if gap > 0 else "-" for name, gain in gains.items()}
-        found = verdicts_on(own, "constant")
-        head = [f"{model} (n = {len(inertial)})", *VERDICT_HEADS, "closed"]
-        parts.append(plain_table(head, [[name, *verdict_cells(of), closed[name]] for name, of in found.items()]))
-        known = np.exp((mean.loc[(INERTIAL, "constant, start known")] - own["constant"][0]).mean())
-        parts.append(
-            f"The position error of eskf15 is {np.exp(-gap):.2f} times the error of {model} with the attitude"
-            f" `constant`, and {known:.2f} times this error if eskf15 has a known start."
-        )
+        own = {str(name): mean.loc[(model, name)] for name in mean.loc[model].index} | inertial
+        found = verdicts_on({name: loss.to_numpy()[None] for name, loss in own.items()}, "constant")
+        head = [f"{model} (n = {mean.shape[1]})", *VERDICT_HEADS]
+        parts.append(plain_table(head, [[name, *verdict_cells(verdict)] for name, verdict in found.items()]))
     return "\n\n".join(parts)

@@ -16,12 +16,17 @@ from figure import draw_dots, draw_over_time
 from navigation import navigation_rows, navigation_table
 from starts import start_rows, start_table
 from tables import TABLES, Errors, errors_of
-from trials import SETTINGS, all_rows, all_trials
+from trials import SETTINGS, all_rows, all_trials, saturated_rows
 
 from jerkbench import files
 
 HERE = Path(__file__).parent
-KEPT, NAVIGATION, STARTS = "errors.parquet", "navigation.parquet", "starts.parquet"
+ERRORS, NAVIGATION, STARTS, SATURATED = "errors.parquet", "navigation.parquet", "starts.parquet", "saturated.csv"
+
+
+def stored_errors(folder: Path = HERE) -> Errors:
+    """Return the errors in ``folder``."""
+    return errors_of(pd.read_parquet(folder / ERRORS), pd.read_csv(folder / SATURATED))
 
 
 def filled(page: str, errors: Errors, folder: Path = HERE) -> str:
@@ -36,18 +41,20 @@ def run(folder: Path, out: Path, settings: int, drives: int | None) -> None:
     """Compute all rows, and draw; what is in ``out``/rows already is taken."""
     workers = os.cpu_count() or 1
     out.mkdir(parents=True, exist_ok=True)
-    rows = all_rows(list(all_trials(folder)), out / "rows", workers, settings)
-    whole = settings == SETTINGS
-    errors = errors_of(rows if whole else pd.read_parquet(HERE / KEPT))
-    rows.to_parquet(out / KEPT, index=False)
+    trials = list(all_trials(folder))
+    rows = all_rows(trials, out / "rows", workers, settings)
+    complete = settings == SETTINGS
+    rows.to_parquet(out / ERRORS, index=False)
+    saturated_rows(trials).to_csv(out / SATURATED, index=False)
+    errors = stored_errors(out if complete else HERE)
     start_rows(folder / "kitti").to_parquet(out / STARTS, index=False)
     navigation_rows(folder / "kitti", errors, drives, workers).to_parquet(out / NAVIGATION, index=False)
     draw_dots(errors, out / "inclination.png")
     draw_over_time(folder, out / "over_time.png")
-    if whole and drives is None:
+    if complete and drives is None:
         page = filled((HERE / "README.md").read_text(encoding="utf-8"), errors, out)
         (out / "README.md").write_text(page, encoding="utf-8")
-    print(f"{len(rows)} rows of {rows['trial'].nunique()} trials in {out / KEPT}.")
+    print(f"{len(rows)} rows of {rows['trial'].nunique()} trials in {out / ERRORS}.")
     print(f"Starts and navigation: {out / STARTS}, {out / NAVIGATION}. Pictures: {out / 'inclination.png'}.")
 
 
@@ -55,7 +62,7 @@ def main() -> None:
     """Run all of it, or print the tables of what is kept."""
     if len(sys.argv) == 1:
         page = (HERE / "README.md").read_text(encoding="utf-8")
-        print(filled(page, errors_of(pd.read_parquet(HERE / KEPT))))
+        print(filled(page, stored_errors()))
         return
     folder, *more = sys.argv[1:]
     out, settings, drives = (*more, *(str(HERE), SETTINGS, None)[len(more) :])

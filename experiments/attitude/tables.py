@@ -1,8 +1,10 @@
-"""The tables of the study: the filters tuned in the same way, each trial scored with a setting chosen on the others.
+"""The tables of the study: all methods are tuned in the same way, on the trials of other sessions.
 
-Each method is tuned 16 times. A tuning sees 16 of the 64 settings, the same numbers for all methods, and for each trial
-takes the one with the lowest mean log error on the domain's other trials. The value of a trial is the median over the
-tunings; trials are what is counted.
+Each method is tuned 16 times. A tuning tries 16 of the 64 settings, with the same indices for all methods. For each
+session, the tuning selects the setting with the lowest median log error on the other sessions of the domain. A few
+trials with very large errors cannot decide a median. The value of a trial is the median over the tunings.
+
+Trials with a saturated gyro are excluded from the tuning, the ratios and the verdicts.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -10,44 +12,93 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from trials import DEFAULTS, DOMAINS, METHODS, SETTINGS
+from trials import DEFAULTS, DOMAINS, METHODS, SETTINGS, session_of
 
-from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.evaluation.intervals import quantiles_of_rows, student_intervals
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.evaluation.intervals import quantiles_of_rows
 from jerkbench.evaluation.judgement import sign_p
 from jerkbench.report.writers import plain_table
 
 TUNINGS, TRIED_EACH = 16, 16
 
-DomainErrors = Mapping[str, FloatArray]
-"""By method, log of the error [deg] of each setting on each trial: (64, n), or (1, n) as it comes."""
+MAX_SATURATED = 0.01
+"""Largest fraction of saturated gyro samples of a trial that is not excluded."""
+
+Losses = Mapping[str, FloatArray]
+"""For each method, the log of the error [deg]."""
+
+
+@dataclass(frozen=True)
+class DomainErrors:
+    """Errors on the n trials of a domain.
+
+    Attributes:
+        trials: names of the trials.
+        sessions: (n,) session of each trial.
+        excluded: (n,) True if the trial is excluded from the tuning and the ratios.
+        losses: for each method, (64, n) of its settings, or (1, n) of its default setting.
+    """
+
+    trials: list[str]
+    sessions: np.ndarray
+    excluded: BoolArray
+    losses: Losses
+
+    def on_other_sessions(self, method: str, session: str) -> FloatArray:
+        """Return the losses (64, k) of a method on the trials that its tuning for a session uses."""
+        return self.losses[method][:, (self.sessions != session) & ~self.excluded]
+
 
 Errors = Mapping[str, DomainErrors]
-"""By domain, those of its methods."""
+"""For each domain."""
 
 
-def errors_of(rows: pd.DataFrame) -> Errors:
-    """Return the rows as arrays, trials in the order of their names."""
-    there = set(rows["domain"])
-    found: dict[str, dict[str, FloatArray]] = {domain: {} for domain in DOMAINS if domain in there}
-    for (domain, method), own in rows.groupby(["domain", "method"]):
-        table = own.pivot_table(index="setting", columns="trial", values="inclination_rmse_deg")
-        found[str(domain)][str(method)] = np.log(table.to_numpy(dtype=np.float64))
+def errors_of(rows: pd.DataFrame, saturated: pd.DataFrame) -> Errors:
+    """Return the rows as arrays, with the trials in the order of their names.
+
+    ``saturated`` has the columns domain, trial and fraction. It needs no row for trials without saturated samples.
+    """
+    beyond = saturated[saturated["fraction"] > MAX_SATURATED]
+    found = {}
+    for domain in (domain for domain in DOMAINS if domain in set(rows["domain"])):
+        table = rows[rows["domain"] == domain].pivot_table(
+            index=["method", "setting"], columns="trial", values="inclination_rmse_deg"
+        )
+        names = [str(name) for name in table.columns]
+        losses = {str(name): np.log(own.to_numpy(dtype=np.float64)) for name, own in table.groupby(level="method")}
+        excluded = np.isin(names, beyond.loc[beyond["domain"] == domain, "trial"].to_list())
+        found[domain] = DomainErrors(names, np.array([session_of(domain, name) for name in names]), excluded, losses)
     return found
 
 
 def tried() -> list[IntArray]:
-    """The settings that each tuning sees."""
+    """The settings that each tuning tries."""
     return [np.sort(np.random.default_rng(r).choice(SETTINGS, TRIED_EACH, replace=False)) for r in range(TUNINGS)]
 
 
-def settings_left_out(loss: FloatArray, others: FloatArray | float = 0.0) -> IntArray:
-    """Return (16, n) the setting that each tuning takes where a trial is left out.
+def lowest(losses: Sequence[FloatArray]) -> int:
+    """Return the index of the setting with the lowest median over the trials; the mean decides between equal medians.
 
-    ``loss`` (64, n) counts by the mean over the trials that stay; ``others`` (64,) is added to it.
+    If there are several domains, the medians (means) of the domains are added.
     """
-    left = (loss.sum(axis=1, keepdims=True) - loss) / (loss.shape[1] - 1) + np.reshape(others, (-1, 1))
-    return np.array([subset[left[subset].argmin(axis=0)] for subset in tried()])
+    median, mean = (sum(average(loss, axis=1) for loss in losses) for average in (np.median, np.mean))
+    return int(np.lexsort((mean, median))[0])
+
+
+def best_settings(losses: Sequence[FloatArray]) -> IntArray:
+    """Return (16,) the setting that each tuning selects."""
+    return np.array([subset[lowest([loss[subset] for loss in losses])] for subset in tried()])
+
+
+def settings_left_out(domain: DomainErrors, method: str, others: Sequence[FloatArray] = ()) -> IntArray:
+    """Return (16, n) the setting that each tuning selects for each trial, without the trials of its session.
+
+    ``others`` are losses on other domains, which are used too.
+    """
+    chosen = {
+        session: best_settings([domain.on_other_sessions(method, session), *others]) for session in set(domain.sessions)
+    }
+    return np.stack([chosen[session] for session in domain.sessions], axis=1)
 
 
 def losses_left_out(loss: FloatArray, setting: IntArray) -> FloatArray:
@@ -55,9 +106,10 @@ def losses_left_out(loss: FloatArray, setting: IntArray) -> FloatArray:
     return loss[setting, np.arange(loss.shape[1])]
 
 
-def tuned(errors: DomainErrors) -> dict[str, FloatArray]:
-    """Return (16, n) for each method that is tuned."""
-    return {method: losses_left_out(errors[method], settings_left_out(errors[method])) for method in METHODS}
+def losses_on(domain: DomainErrors, *, excluded: bool = False) -> dict[str, FloatArray]:
+    """Return (16, k) for each tuned method and (1, k) for each default, on the k trials that are (not) excluded."""
+    tuned = {name: losses_left_out(domain.losses[name], settings_left_out(domain, name)) for name in METHODS}
+    return {name: loss[:, domain.excluded == excluded] for name, loss in {**domain.losses, **tuned}.items()}
 
 
 def holm(p: Sequence[float]) -> list[float]:
@@ -72,7 +124,6 @@ class Verdict:
     """A method against another one; ratios of errors, below 1 is better.
 
     Attributes:
-        mean: geometric mean over trials, and the ends of Student's 95 % interval.
         median: over trials, and the ends of its 95 % interval.
         wins: on how many trials it is better.
         n: of how many.
@@ -80,7 +131,6 @@ class Verdict:
         word: better, worse or undecided, at 5 %.
     """
 
-    mean: tuple[float, float, float]
     median: tuple[float, float, float]
     wins: int
     n: int
@@ -96,9 +146,8 @@ def verdicts_on(losses: Mapping[str, FloatArray], comparator: str) -> dict[str, 
     for (name, own), adjusted in zip(d.items(), p, strict=True):
         median = tuple(float(value[0]) for value in quantiles_of_rows(own[None])[:3])
         word = "undecided" if adjusted >= 0.05 else "better" if median[0] < 0 else "worse"
-        mean = float(own.mean()), *(float(end[0]) for end in student_intervals(own[None], 0.95))
-        first, second = (tuple(np.exp(values).tolist()) for values in (mean, median))
-        verdicts[name] = Verdict(first, second, int((own < 0).sum()), len(own), adjusted, word)
+        ratio = tuple(np.exp(median).tolist())
+        verdicts[name] = Verdict(ratio, int((own < 0).sum()), len(own), adjusted, word)
     return verdicts
 
 
@@ -113,86 +162,109 @@ RECORDED = ("broad", "tstick", "kitti_start")
 TUNED_ELSEWHERE = {("broad", "vqf"): "vqf (its authors tuned its defaults on this set)"}
 """What a reader has to know of a method in a domain."""
 
-VERDICT_HEADS = ("mean ratio", "median ratio", "wins", "p (Holm)", "verdict")
+VERDICT_HEADS = ("median ratio", "wins", "p (Holm)", "verdict")
+DEFAULT_HEADS = tuple(f"default: {name}" for name in VERDICT_HEADS)
 
 
 def of_errors(errors: Errors) -> str:
-    """Median, mean and worst trial of each method and domain, tuned and as it comes."""
-    losses, rows = [{**own, **tuned(own)} for own in errors.values()], []
+    """Median and largest error over the trials of each domain, tuned and with the default setting."""
+    losses = {domain: losses_on(own) for domain, own in errors.items()}
+    rows = []
     for name in [*METHODS, *DEFAULTS]:
-        degs = [np.exp(np.median(own[name], axis=0)) for own in losses]
-        rows.append([name, *(f"{np.median(deg):.2f} / {deg.mean():.2f} / {deg.max():.2f}" for deg in degs)])
-    heads = (f"{DOMAINS[domain]} (n = {own['constant'].shape[1]})" for domain, own in errors.items())
-    return plain_table(["method", *heads], rows)
+        degs = [np.exp(np.median(own[name], axis=0)) for own in losses.values()]
+        rows.append([name, *(f"{np.median(deg):.2f} / {deg.max():.2f}" for deg in degs)])
+    return plain_table(["method", *(_title(domain, own) for domain, own in errors.items())], rows)
+
+
+def _title(domain: str, own: DomainErrors) -> str:
+    sessions = own.sessions[~own.excluded]
+    return f"{DOMAINS[domain]} ({len(sessions)} trials, {len(set(sessions))} sessions)"
+
+
+def of_excluded(errors: Errors) -> str:
+    """Error on each trial that is excluded. Its setting is tuned on the other sessions."""
+    names = [name for own in errors.values() for name, out in zip(own.trials, own.excluded, strict=True) if out]
+    losses = [losses_on(own, excluded=True) for own in errors.values()]
+    cells = {
+        name: [f"{deg:.1f}" for own in losses for deg in np.exp(np.median(own[name], axis=0))]
+        for name in [*METHODS, *DEFAULTS]
+    }
+    return plain_table(["method", *names], [[name, *own] for name, own in cells.items()])
 
 
 def of_verdicts(errors: Errors) -> str:
-    """Each method against both comparators, domain by domain."""
+    """Each method against both comparison methods, for each domain: first tuned, then with the default settings."""
     parts = []
     for domain, known in errors.items():
-        losses = tuned(known)
+        losses = losses_on(known)
         for comparator in COMPARATORS:
-            found = verdicts_on(losses, comparator)
-            head = [f"{DOMAINS[domain]}: against {comparator}", *VERDICT_HEADS]
-            lines = [[TUNED_ELSEWHERE.get((domain, name), name), *verdict_cells(own)] for name, own in found.items()]
+            head = [f"{_title(domain, known)}: against {comparator}", *VERDICT_HEADS, *DEFAULT_HEADS]
+            tuned = verdicts_on({name: losses[name] for name in METHODS}, comparator)
+            default = verdicts_on({name: losses[f"{name}, default"] for name in METHODS}, comparator)
+            lines = [
+                [TUNED_ELSEWHERE.get((domain, name), name), *verdict_cells(own), *verdict_cells(default[name])]
+                for name, own in tuned.items()
+            ]
             parts.append(plain_table(head, lines))
     return "\n\n".join(parts)
 
 
 def verdict_cells(verdict: Verdict) -> list[str]:
-    """Return what stands below `VERDICT_HEADS`."""
-    ratios = [f"{ratio:.2f} [{low:.2f}, {high:.2f}]" for ratio, low, high in (verdict.mean, verdict.median)]
-    return [*ratios, f"{verdict.wins}/{verdict.n}", f"{verdict.p:.2g}", verdict.word]
+    """Return the cells of the columns `VERDICT_HEADS`."""
+    ratio, low, high = verdict.median
+    return [f"{ratio:.2f} [{low:.2f}, {high:.2f}]", f"{verdict.wins}/{verdict.n}", f"{verdict.p:.2g}", verdict.word]
 
 
 def of_transfer(errors: Errors) -> str:
-    """How many times larger the error is with one setting for all recorded domains, and with that of another one."""
+    """Factor of the error with one setting for all recorded domains, and with a setting of another domain."""
     domains = [domain for domain in RECORDED if domain in errors]
     pairs = [(source, domain) for domain in domains for source in domains if source != domain]
     rows = []
     for method in METHODS:
-        loss = {domain: errors[domain][method] for domain in domains}
-        own = {domain: losses_left_out(loss[domain], settings_left_out(loss[domain])) for domain in domains}
-        means = {domain: loss[domain].mean(axis=1) for domain in domains}
+        used = {domain: errors[domain].losses[method][:, ~errors[domain].excluded] for domain in domains}
         cells = [method]
         for domain in domains:
-            others = np.sum([means[d] for d in domains if d != domain], axis=0)
-            cells.append(_times(losses_left_out(loss[domain], settings_left_out(loss[domain], others)), own[domain]))
+            others = [used[other] for other in domains if other != domain]
+            cells.append(_factor(errors[domain], method, settings_left_out(errors[domain], method, others)))
         for source, domain in pairs:
-            best = [subset[means[source][subset].argmin()] for subset in tried()]
-            cells.append(_times(loss[domain][best], own[domain]))
+            best = best_settings([used[source]])[:, None]
+            cells.append(_factor(errors[domain], method, best))
         rows.append(cells)
     heads = [*(f"all on {domain}" for domain in domains), *(f"{source} on {domain}" for source, domain in pairs)]
     return plain_table(["method", *heads], rows)
 
 
-def _times(loss: FloatArray, own: FloatArray) -> str:
-    return f"{np.exp(np.median(loss - own, axis=0).mean()):.2f}"
+def _factor(own: DomainErrors, method: str, setting: IntArray) -> str:
+    """Median over the trials, compared with the settings that were tuned on the same domain."""
+    loss = own.losses[method]
+    more = losses_left_out(loss, setting) - losses_left_out(loss, settings_left_out(own, method))
+    return f"{np.exp(np.median(np.median(more[:, ~own.excluded], axis=0))):.2f}"
 
 
 def of_switches(errors: Errors) -> str:
-    """In which share of tunings and folds a switch is on."""
+    """Fraction of the tunings and trials in which a switch is on."""
     rows = []
     for name, method in METHODS.items():
-        settings = method.settings()
+        chosen = [settings_left_out(own, name)[:, ~own.excluded] for own in errors.values()]
         for switch in (*method.switches, "gravity"):
-            on = np.array([setting[switch] for setting in settings])
-            rows.append([name, switch, *(f"{on[settings_left_out(own[name])].mean():.2f}" for own in errors.values())])
+            on = np.array([setting[switch] for setting in method.settings()])
+            rows.append([name, switch, *(f"{on[setting].mean():.2f}" for setting in chosen)])
     return plain_table(["method", "switch", *errors], rows)
 
 
 def of_luck(errors: Errors) -> str:
-    """Standard deviation over the tunings of the mean log error."""
-    by_domain = [tuned(own) for own in errors.values()]
-    rows = [[name, *(f"{own[name].mean(axis=1).std(ddof=1):.2f}" for own in by_domain)] for name in METHODS]
+    """Standard deviation over the tunings of the median log error."""
+    losses = [losses_on(own) for own in errors.values()]
+    rows = [[name, *(f"{np.median(own[name], axis=1).std(ddof=1):.2f}" for own in losses)] for name in METHODS]
     return plain_table(["method", *errors], rows)
 
 
 TABLES: dict[str, Callable[[Errors], str]] = {
     "errors": of_errors,
+    "excluded": of_excluded,
     "verdicts": of_verdicts,
     "transfer": of_transfer,
     "switches": of_switches,
     "luck": of_luck,
 }
-"""By their names on a page."""
+"""For each name on the page."""

@@ -7,6 +7,7 @@ the same at 100 Hz and at 286 Hz. The defaults are not among the settings, becau
 Recordings are cut where samples are missing, so that a trial consists of one or several recordings.
 """
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
@@ -28,6 +29,7 @@ from jerkbench.attitude.mekf import Mekf
 from jerkbench.attitude.reference import GyroOnly
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.attitude.vqf import SILENCE_S, OfflineVqf, Vqf
+from jerkbench.datasets.broad import SATURATED_RADPS
 from jerkbench.parameters import SWITCH, Range, ranges_of
 from jerkbench.recording import Imu, Recording, Reference, Velocity
 
@@ -146,6 +148,24 @@ DOMAINS = {
 }
 """What each is called; they are never pooled."""
 
+SESSIONS = {
+    "broad": r"\d+_(.+?)(?:_[A-C]|_\dcm)?$",
+    "tstick": r"TStick_(Test\d+)",
+    "kitti": r"(\d{4}_\d\d_\d\d)",
+    "kitti_start": r"(\d{4}_\d\d_\d\d)",
+}
+"""Session in the name of a trial: the motion and condition, the number of the test, or the day of the recording."""
+
+
+def session_of(domain: str, name: str) -> str:
+    """Return the session of a trial. Without a pattern or a match, each trial is a session."""
+    match = re.match(SESSIONS.get(domain, "(.*)"), name)
+    return match[1] if match else name
+
+
+GYRO_LIMITS_RADPS = {"tstick": SATURATED_RADPS}
+"""Angular rate above which a sample is saturated. In the other domains, the gyro does not saturate."""
+
 DRIVES = 16
 """Seeds of the simulated field."""
 
@@ -254,6 +274,16 @@ def error_deg(plugin: TiltAndYaw, recordings: Sequence[Recording], burn_in_s: fl
         mean_squares.append(found["inclination_rmse_deg"] ** 2)
         counts.append(int((recording.reference.t_s >= burn_in_s).sum()))
     return float(np.sqrt(np.average(mean_squares, weights=counts)))
+
+
+def saturated_rows(trials: Sequence[Trial]) -> pd.DataFrame:
+    """Return the fraction of samples with a saturated gyro, for the trials of domains with a limit."""
+    rows = []
+    for trial in trials:
+        if limit := GYRO_LIMITS_RADPS.get(trial.domain):
+            gyro = np.concatenate([np.asarray(recording.inertial.gyro_radps) for recording in trial.recordings()])
+            rows.append((trial.domain, trial.name, (np.abs(gyro) > limit).any(axis=1).mean().round(4)))
+    return pd.DataFrame(rows, columns=["domain", "trial", "fraction"])
 
 
 def trial_rows(trial: Trial, count: int = SETTINGS) -> pd.DataFrame:

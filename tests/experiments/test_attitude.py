@@ -8,35 +8,104 @@ from commands import EXPERIMENTS, experiment
 from jerkbench.attitude.mekf import Mekf
 
 page = experiment("attitude/page.py")
-from tables import TRIED_EACH, TUNINGS, errors_of, holm, losses_left_out, settings_left_out, tried, verdicts_on  # noqa: E402 - next to the page
-from trials import METHODS, SETTINGS, all_trials, error_deg, kitti_pieces  # noqa: E402 - next to the page
+from tables import TRIED_EACH, TUNINGS, errors_of, holm, losses_on, settings_left_out, tried, verdicts_on  # noqa: E402 - next to the page
+from trials import METHODS, SETTINGS, all_trials, error_deg, kitti_pieces, session_of  # noqa: E402 - next to the page
 
 
 @pytest.fixture(scope="module")
 def errors():
-    return errors_of(pd.read_parquet(page.HERE / page.KEPT))
+    return page.stored_errors()
 
 
 def test_the_tables_of_the_page_are_those_of_the_rows_of_every_method_setting_and_trial(errors):
     text = (EXPERIMENTS / "attitude" / "README.md").read_text(encoding="utf-8")
     assert page.filled(text, errors) == text
-    for domain, trials in (("broad", 20), ("tstick", 11), ("kitti", 28), ("kitti_start", 25), ("field", 16)):
+    counts = {
+        "broad": (20, 11, 0),
+        "tstick": (11, 4, 3),
+        "kitti": (28, 4, 0),
+        "kitti_start": (25, 4, 0),
+        "field": (16, 16, 0),
+    }
+    for domain, (trials, sessions, excluded) in counts.items():
+        own = errors[domain]
+        assert (len(own.trials), len(set(own.sessions)), own.excluded.sum()) == (trials, sessions, excluded)
         for method in METHODS:
-            assert errors[domain][method].shape == (SETTINGS, trials)
-        assert np.isfinite(np.concatenate(list(errors[domain].values()))).all()
+            assert own.losses[method].shape == (SETTINGS, trials)
+        assert np.isfinite(np.concatenate(list(own.losses.values()))).all()
 
 
-def test_a_trial_does_not_choose_its_own_setting():
-    """Setting 0 is the best on every trial but the last, where it is far worse: there it is taken all the same."""
-    loss = np.ones((SETTINGS, 5))
-    for subset in tried():
-        loss[subset[0], :4], loss[subset[0], 4] = 0.0, 9.0
-    taken = settings_left_out(loss)
-    for r, subset in enumerate(tried()):
-        assert taken[r, 4] in subset
-        assert loss[taken[r, 4], 4] == 9.0
-        assert loss[taken[r, 0], 4] == 1.0
-    np.testing.assert_array_equal(losses_left_out(loss, taken)[:, 4], 9.0)
+@pytest.mark.parametrize(
+    ("domain", "name", "session"),
+    [
+        ("broad", "05_undisturbed_slow_rotation_with_breaks_B", "undisturbed_slow_rotation_with_breaks"),
+        ("broad", "21_undisturbed_fast_combined", "undisturbed_fast_combined"),
+        ("broad", "35_disturbed_attached_magnet_4cm", "disturbed_attached_magnet"),
+        ("tstick", "TStick_Test05_Trial1", "Test05"),
+        ("kitti", "2011_09_26_drive_0009", "2011_09_26"),
+        ("field", "seed 03", "seed 03"),
+    ],
+)
+def test_the_session_is_part_of_the_name(domain, name, session):
+    assert session_of(domain, name) == session
+
+
+TESTS, OUTLIER, SATURATED = (2, 2, 3, 3, 4, 4, 4), 6, 7
+"""The test of each invented trial; the trial that gets a large error, and the trial that is saturated."""
+
+
+def invented_rows(change=()):
+    """Errors of all methods on seven trials of TStick and a saturated trial; ``change`` maps trials to a factor."""
+    rng, rows = np.random.default_rng(5), []
+    for number, test in enumerate((*TESTS, 5)):
+        trial, factor = f"TStick_Test{test:02d}_Trial{number}", dict(change).get(number, 1.0)
+        for method in METHODS:
+            deg = factor * rng.lognormal(size=SETTINGS)
+            rows += [("tstick", trial, method, setting, error) for setting, error in enumerate(deg)]
+            rows.append(("tstick", trial, f"{method}, default", -1, factor * rng.lognormal()))
+    return pd.DataFrame(rows, columns=["domain", "trial", "method", "setting", "inclination_rmse_deg"])
+
+
+def domain_of(rows):
+    fraction = pd.DataFrame(
+        [("tstick", f"TStick_Test05_Trial{SATURATED}", 0.02)], columns=["domain", "trial", "fraction"]
+    )
+    return errors_of(rows, fraction)["tstick"]
+
+
+def test_the_setting_has_the_lowest_median_on_the_trials_of_other_sessions_that_are_not_excluded():
+    """The expected settings are computed from the rows with pandas."""
+    rows = invented_rows()
+    taken, own = settings_left_out(domain_of(rows), "mekf"), rows[rows["method"] == "mekf"]
+    for number, test in enumerate((*TESTS, 5)):
+        others = own[~own["trial"].str.contains(f"Test{test:02d}|Test05")]
+        median = np.log(others.set_index("setting")["inclination_rmse_deg"]).groupby("setting").median()
+        expected = [median[np.isin(median.index, subset)].idxmin() for subset in tried()]
+        np.testing.assert_array_equal(taken[:, number], expected)
+
+
+def test_a_trial_with_a_huge_error_does_not_change_the_setting():
+    """Setting s has the error 2 + s/100 deg on all trials; setting 63 is a million times worse than 0 on one trial."""
+    rows = invented_rows()
+    rows["inclination_rmse_deg"] = 2 + rows["setting"] / 100
+    huge = rows.copy()
+    reversed_ = np.exp(20 * (SETTINGS - rows["setting"]) / SETTINGS)
+    huge.loc[rows["trial"].str.endswith(f"Trial{OUTLIER}"), "inclination_rmse_deg"] = reversed_
+    lowest = np.array([subset[0] for subset in tried()])
+    for table in (rows, huge):
+        np.testing.assert_array_equal(settings_left_out(domain_of(table), "lee"), np.tile(lowest[:, None], 8))
+    total = np.log(huge[huge["method"] == "lee"].set_index("setting")["inclination_rmse_deg"]).groupby("setting").mean()
+    assert total.idxmin() == SETTINGS - 1  # the mean selects the opposite setting
+
+
+def test_an_excluded_trial_changes_neither_settings_nor_ratios():
+    plain, changed = (domain_of(invented_rows(change)) for change in ({}, {SATURATED: 1e3}))
+    np.testing.assert_array_equal(settings_left_out(plain, "mtf"), settings_left_out(changed, "mtf"))
+    before, after = (losses_on(own) for own in (plain, changed))
+    assert before["vqf"].shape == (TUNINGS, len(TESTS))
+    assert verdicts_on(before, "constant") == verdicts_on(after, "constant")
+    more = losses_on(changed, excluded=True)["vqf"] - losses_on(plain, excluded=True)["vqf"]
+    np.testing.assert_allclose(more, np.full((TUNINGS, 1), np.log(1e3)))
 
 
 def test_every_method_is_tuned_with_the_same_numbers():
@@ -70,7 +139,7 @@ def test_holm_is_as_published_a_better_method_is_found_and_a_set_that_is_not_the
     n = np.random.default_rng(0).normal(size=(TUNINGS, 20))
     losses = {"constant": n, "vqf": n - 0.2, "mekf": n + 0.01 * n[::-1]}
     found = verdicts_on(losses, "constant")
-    assert found["vqf"].mean[0] == pytest.approx(np.exp(-0.2))
+    assert found["vqf"].median == pytest.approx((np.exp(-0.2),) * 3)
     assert (found["vqf"].wins, found["vqf"].n, found["vqf"].word) == (20, 20, "better")
     assert found["vqf"].p == pytest.approx(2 * 2 * 0.5**20)
     assert found["mekf"].word == "undecided"
@@ -114,7 +183,7 @@ def test_a_known_start_is_that_of_the_track_and_what_it_took_does_not_count(tmp_
 
 @pytest.mark.parametrize("name", ["broad", "tstick", "kitti_start", "field"])
 def test_the_error_of_a_filter_is_that_of_the_stored_rows(shared_folder, name):
-    stored = pd.read_parquet(page.HERE / page.KEPT).set_index(["domain", "trial", "method", "setting"])
+    stored = pd.read_parquet(page.HERE / page.ERRORS).set_index(["domain", "trial", "method", "setting"])
     trial = next(trial for trial in all_trials(shared_folder / "data") if trial.domain == name)
     known = trial.start_is_known
     plugin = METHODS["madgwick"].plugin(METHODS["madgwick"].settings()[5], 100.0, "track" if known else "")
