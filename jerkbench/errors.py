@@ -56,11 +56,10 @@ def unknown(kind: str, name: str, available: Iterable[str]) -> str:
     "There is no tag 'thesis'. Available: none."
     """
     names = sorted(available)
-    if not names:
-        return f"There is no {kind} '{name}'. Available: none."
     near = difflib.get_close_matches(name, names, n=1)
     hint = f" Did you mean '{near[0]}'?" if near else ""
-    return f"There is no {kind} '{name}'.{hint} Available: {', '.join(names)}."
+    listed = ", ".join(f"'{one}'" if "," in one else one for one in names)  # such as the label 'baseline, tuned'
+    return f"There is no {kind} '{name}'.{hint} Available: {listed or 'none'}."
 
 
 def require_known(kind: str, name: str, available: Collection[str], error: type[JerkbenchError] = PluginError) -> None:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from jerkbench.report.columns import quantity
 from jerkbench.report.comparisons import RULE, VerdictRule, counts_of_verdicts
-from jerkbench.report.drawings import Picture
 from jerkbench.report.findings import answer, strongest, study_baselines
 from jerkbench.report.page_content import ERROR_SCALE, MAX_FINDINGS, cells_view, matrix, packed_json, settings
+from jerkbench.report.plots.studies import Picture
 from jerkbench.report.review import review
 from jerkbench.report.study_verdicts import across, study_verdicts
 from jerkbench.report.summary import main_metric, summarise

@@ -36,7 +36,10 @@ from jerkbench.recording import Recording
 from jerkbench.report import Choice
 from jerkbench.report.columns import METHOD, SCENARIO_FACTORS, competes
 from jerkbench.report.comparisons import RULE, VerdictRule
-from jerkbench.report.drawings import (
+from jerkbench.report.labels import bare
+from jerkbench.report.page_content import encoded, largest_of_steps
+from jerkbench.report.plots import consistency, runs
+from jerkbench.report.plots.studies import (
     Drawing,
     Methods,
     Picture,
@@ -45,9 +48,6 @@ from jerkbench.report.drawings import (
     palette_of,
     telling_scenes,
 )
-from jerkbench.report.labels import bare
-from jerkbench.report.page_content import encoded, largest_of_steps
-from jerkbench.report.plots import consistency, runs
 from jerkbench.report.plots.style import Palette
 from jerkbench.report.summary import main_metric
 

@@ -14,7 +14,7 @@ from jerkbench.jobs.rows import run_seed
 from jerkbench.jobs.store import Stored
 from jerkbench.jobs.study import load_study, named_part
 from jerkbench.report import Choice, figures_choice
-from jerkbench.report.drawings import by_difference, telling_scenes
+from jerkbench.report.plots.studies import by_difference, telling_scenes
 from jerkbench.report.study_figures import _selected, file_stem, ranked, with_title
 from made_jobs import SPEC
 from stored_cells import put

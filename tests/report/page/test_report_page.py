@@ -15,9 +15,9 @@ import pytest
 from commands import swept
 from jerkbench.jobs.replay import stored_row
 from jerkbench.jobs.store import Store
-from jerkbench.report.drawings import Picture
 from jerkbench.report.page import page
 from jerkbench.report.page_content import encoded, nees_verdict, settings
+from jerkbench.report.plots.studies import Picture
 from jerkbench.report.review import TUNED, review
 
 SWEEP = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,multipath_single_axis", "seeds=2"]

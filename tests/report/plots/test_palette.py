@@ -6,9 +6,9 @@ import pytest
 from made_runs import make_estimate, make_recording
 from matplotlib.colors import to_hex
 
-from jerkbench.report.drawings import of_rows, palette_of
 from jerkbench.report.plots.consistency import adapted_r_figure, tilt_figure
 from jerkbench.report.plots.runs import error_figure, inclination_figure, inset_trajectory_figure, trajectory_figure
+from jerkbench.report.plots.studies import of_rows, palette_of
 from jerkbench.report.plots.style import COLOURS, Palette, method_of
 
 METHODS = ("jerk + mtf", "jerk + none", "bias + mtf", "bias + none")

@@ -12,7 +12,6 @@ from matplotlib.image import imread
 from scipy.stats import chi2
 
 from jerkbench.inspection.facts import overview_figure
-from jerkbench.report.drawings import of_rows
 from jerkbench.report.plots.consistency import (
     adapted_r_figure,
     consistency_figure,
@@ -25,7 +24,15 @@ from jerkbench.report.plots.runs import (
     inset_trajectory_figure,
     trajectory_figure,
 )
-from jerkbench.report.plots.studies import PALE, SIZE, bars_figure, curves_figure, heat_map_figure, with_noise_sigma
+from jerkbench.report.plots.studies import (
+    PALE,
+    SIZE,
+    bars_figure,
+    curves_figure,
+    heat_map_figure,
+    of_rows,
+    with_noise_sigma,
+)
 from jerkbench.report.plots.style import save_figure
 from jerkbench.report.summary import summarise
 from jerkbench.report.table_model import number
