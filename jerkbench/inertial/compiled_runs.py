@@ -89,9 +89,8 @@ def run_many_inertial(
     sums = run_packs(runs, states, rules, prepare, kinds=kinds, updates=updates, threads=threads)
     results: list[Streamed | None] = [None] * len(all_inputs)
     for index, (result, (k, *_)) in enumerate(zip(sums, selected, strict=True)):
-        results[k] = result
-        if result is not None and attitude:
-            results[k] = result._replace(euler_rad=euler_from_rotations(attitudes[index].reshape(-1, 3, 3)))
+        euler_rad = euler_from_rotations(attitudes[index].reshape(-1, 3, 3)) if attitude else None
+        results[k] = result and result._replace(euler_rad=euler_rad)
     return results
 
 

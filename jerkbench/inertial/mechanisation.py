@@ -23,10 +23,7 @@ RATE_RADPS = 7.292115e-5
 """Angular rate of the Earth (WGS-84) [rad/s]."""
 
 RADIUS_M = 6_371_000.0
-"""Mean radius of the Earth [m].
-
-The radii of the ellipsoid differ by 0.3 %, which changes the direction of gravity by 1e-6 rad over 2 km.
-"""
+"""Mean radius of the Earth [m]. Real radii differ by 0.3 %, which changes the tilt of gravity over 2 km by 1e-6 rad."""
 
 
 class Earth(NamedTuple):

@@ -144,8 +144,7 @@ class InertialRun:
     def _constrain(self, sample: int) -> None:
         """Apply a zero-velocity update if the vehicle is stationary, otherwise the non-holonomic constraint."""
         limits = self.settings.constraints
-        slow = np.linalg.norm(self.state.velocity_mps) < limits.still_below_mps
-        if limits.still[sample] and slow:
+        if limits.still[sample] and np.linalg.norm(self.state.velocity_mps) < limits.still_below_mps:
             h, H = point_in_enu(self.state, self.rate, np.zeros(3))
             self._correct(-h[3:], H[3:], limits.still_sigma_mps**2 * np.eye(3))
         elif limits.sideways_sigma_mps > 0:
