@@ -28,7 +28,7 @@ MAX_CODE = {
     "evaluation": 997,
     "hydra_app": 720,
     "hydra_plugins": 15,
-    "inertial": 1040,
+    "inertial": 1038,
     "inspection": 1788,
     "io": 2811,
     "jerkbench": 1757,

@@ -120,8 +120,6 @@ def _diagonal(variance: FloatArray) -> FloatArray:
 def _rows(path: Path) -> pd.DataFrame:
     """Return the rows of a file, without rows whose stamp is equal to or earlier than a previous stamp."""
     columns = read_columns((path,), TextFormat())
-    if not len(columns):
-        raise RecordingError(f"{path} has no rows; write one row for each fix.")
     names = ["t_s", *_POSITION, *(name for name in (*_SIGMA, *_VELOCITY) if columns.has([name]))]
     rows = pd.DataFrame(columns.numbers(names), columns=names)
     return rows[rows["t_s"] > rows["t_s"].cummax().shift(fill_value=-np.inf)]

@@ -87,7 +87,7 @@ class Guess:
 
 def is_date(stamps: FloatArray, unit: str) -> bool:
     """Return True if the stamps, interpreted in ``unit``, are plausible times since 1970 or 1980."""
-    return unit in STAMPS and bool(STAMPS[unit] <= stamps[0] < 100 * STAMPS[unit])
+    return unit in STAMPS and len(stamps) > 0 and bool(STAMPS[unit] <= stamps[0] < 100 * STAMPS[unit])
 
 
 def guess_time_unit(stamps: FloatArray, named: str, *, fixes: bool = False, of_week: bool = False) -> Guess:
@@ -99,7 +99,7 @@ def guess_time_unit(stamps: FloatArray, named: str, *, fixes: bool = False, of_w
         fixes: if true, all rows are fixes of a receiver, which has a lower rate than an IMU.
         of_week: if true, the times are times of the GPS week, from 0 to 604 800 s, according to the column names.
     """
-    step = float(np.median(np.diff(stamps)))
+    step = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0
     if named:
         return Guess("time_unit", named, "named", f"stated by the column; the median step is {step:g} {named}")
     rates = {unit: 1e9 / TIME_UNITS[unit] / step if step > 0 else 0.0 for unit in STAMPS}

@@ -157,8 +157,7 @@ class BagOptions:
     @property
     def body_from_imu(self) -> FloatArray:
         """The rotation (3, 3) from the axes of the IMU to the body axes."""
-        turn = dcm_from_euler(np.radians(self.mounting_deg))
-        return np.asarray(turn.T @ axes_matrix(self.imu_axes))
+        return np.asarray(dcm_from_euler(np.radians(self.mounting_deg)).T @ axes_matrix(self.imu_axes))
 
 
 class BagDataset(FromFiles, BagOptions):

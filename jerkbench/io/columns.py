@@ -3,7 +3,6 @@
 import math
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,7 +13,15 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError, unknown
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS
 from jerkbench.io.rtklib import read_pos
-from jerkbench.io.sanitiser import MAX_DATE_NS, MIN_DATE_NS, ordered_rows, require_fractions, require_size
+from jerkbench.io.sanitiser import (
+    MAX_DATE_NS,
+    MAX_NUMBERS,
+    MAX_RATIO,
+    MIN_DATE_NS,
+    ordered_rows,
+    require_fractions,
+    require_size,
+)
 from jerkbench.io.text import MAX_NUMBER, TextFormat, is_number, read_text, require_content
 from jerkbench.io.tracks import track_reader
 
@@ -26,8 +33,8 @@ if TYPE_CHECKING:
 
 # MATLAB files of the versions 5 to 7, and 7.3 (HDF5). Numeric vectors and matrices become columns of a table.
 
-_COMPRESSED = 15
-"""Type code of a compressed variable in a file of version 5."""
+_MATRIX, _COMPRESSED, _DATA_TYPES = 14, 15, {*range(1, 8), 9, 12, 13, 16, 17, 18}
+"""Type codes of arrays, of compressed variables, and of numbers and text in a file of version 5."""
 
 MAX_COLUMNS = 64
 """Maximum number of columns of a matrix of measurements. Matrices with more columns are ignored."""
@@ -79,28 +86,35 @@ def _version_5(path: Path) -> Iterator[tuple[str, Array]]:
 
 
 def load_matlab_5(path: Path, **options: Any) -> dict[str, Any]:  # noqa: ANN401 - options of loadmat
-    """Return the variables of a MATLAB file of version 5, after a check of the size of compressed variables.
+    """Return the variables of a MATLAB file of version 5, after a check of its data types and of its decompressed size.
 
     Raises:
         RecordingError: the decompressed variables are far larger than the file.
+        ValueError: a data type is unknown.
     """
     from scipy.io import loadmat
 
-    content, size, at = path.read_bytes(), 0, 128
-    order: Literal["little", "big"] = "little" if content[126:128] == b"IM" else "big"
-    while at < len(content):
-        kind, length = (int.from_bytes(content[k : k + 4], order) for k in (at, at + 4))
-        if kind == 0:  # not a data element of a MAT-file, so loadmat raises an error below
-            break
-        if kind == _COMPRESSED:
-            unpacker, packed = zlib.decompressobj(), content[at + 8 : at + 8 + length]
-            with suppress(zlib.error):  # for damaged data, loadmat raises an error below
-                while packed and not unpacker.eof:
-                    size += len(unpacker.decompress(packed, 1 << 24))
-                    require_size(path, size // 8)
-                    packed = unpacker.unconsumed_tail
-        at += 8 + length
+    content = path.read_bytes()
+    _require_types(path, content[128:], "little" if content[126:128] == b"IM" else "big")
     return dict(loadmat(path, **options))
+
+
+def _require_types(path: Path, content: bytes, order: Literal["little", "big"]) -> None:
+    """Check the data type of each element in ``content``, because scipy crashes if a data type is unknown."""
+    at = size = 0
+    while at + 8 <= len(content):
+        first, length = (int.from_bytes(content[k : k + 4], order) for k in (at, at + 4))
+        kind, length, start = (first & 0xFFFF, first >> 16, at + 4) if first >> 16 else (first, length, at + 8)
+        part = content[start : start + length]
+        if kind == _COMPRESSED:
+            part = zlib.decompressobj().decompress(part, 8 * MAX_NUMBERS + MAX_RATIO * len(part))
+            size += len(part)
+            require_size(path, size // 8)
+        if kind in {_MATRIX, _COMPRESSED}:
+            _require_types(path, part, order)
+        elif kind not in _DATA_TYPES:
+            raise ValueError(f"unknown data type {kind}")
+        at = start + length + (0 if kind == _COMPRESSED else -(start + length) % 8)
 
 
 def _version_7_3(path: Path) -> Iterator[tuple[str, Array]]:
@@ -262,8 +276,7 @@ class Columns:
             values = (values - np.uint64(2**63)).astype(np.int64)
         scale = WEEK_NS if unit == "week" else TIME_UNITS[unit]
         fits = np.abs(values.astype(np.float64)) <= MAX_NANOSECONDS / scale  # NaN fails this comparison
-        reason = f"'{{}}' is not a time in {unit} (maximum: {MAX_NANOSECONDS / scale:.2g})"
-        self._require(fits, name, values, reason)
+        self._require(fits, name, values, f"'{{}}' is not a time in {unit} (maximum: {MAX_NANOSECONDS / scale:.2g})")
         if np.issubdtype(values.dtype, np.integer):
             return np.asarray(values.astype(np.int64) * scale)
         return np.round(values.astype(np.float64) * scale).astype(np.int64)
@@ -367,6 +380,8 @@ def read_columns(paths: Sequence[Path], text: TextFormat, gpst_minus_utc_s: floa
 
     read = [_read(path, text, gpst_minus_utc_s) for path in paths]
     tables, notes = [table for table, _ in read], tuple(note for _, of_file in read for note in of_file)
+    if not any(map(len, tables)):
+        raise RecordingError(f"{paths[0]} has no rows of data; give a file with measurements.")
     for path, table in zip(paths, tables, strict=True):
         if len(table.columns) != len(tables[0].columns):
             raise RecordingError(

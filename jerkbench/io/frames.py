@@ -151,8 +151,7 @@ def axes_matrix(axes: tuple[str, ...]) -> FloatArray:
 
 def body_from_sensor(signs: tuple[float, ...], yaw_deg: float, pitch_deg: float) -> FloatArray:
     """Return M = (Rz(yaw) Ry(pitch))' diag(signs) (3, 3), so that f_body = M f_sensor."""
-    mounting = dcm_from_euler(np.radians([0.0, pitch_deg, yaw_deg]))
-    return np.asarray(mounting.T @ np.diag(signs))
+    return np.asarray(dcm_from_euler(np.radians([0.0, pitch_deg, yaw_deg])).T @ np.diag(signs))
 
 
 UPRIGHT_SHARE = 0.9

@@ -234,8 +234,7 @@ def held_rows(values: FloatArray) -> BoolArray:
         return np.zeros(n, dtype=np.bool_)
     run = np.cumsum(new) - 1
     since = np.arange(n) - starts[run]
-    measured = (since % period == 0) & ((since == 0) | (lengths[run] - since >= period / 2))
-    return np.asarray(~measured)
+    return np.asarray((since % period != 0) | ((since != 0) & (lengths[run] - since < period / 2)))
 
 
 def beyond(values: FloatArray, most: float) -> BoolArray:

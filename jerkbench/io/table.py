@@ -278,8 +278,7 @@ def _without_cut_times(columns: Columns) -> Columns:
     if len(steps) < MIN_STEPS or (steps[1:-1] <= 0).any():
         return columns
     first, last = bool(steps[0] > steps[1:-1].sum() + abs(steps[-1])), bool(steps[-1] < 0)
-    rows = np.arange(first, len(columns) - last)
-    return columns.only(rows, cut_note(columns.name, first=first, last=last))
+    return columns.only(np.arange(first, len(columns) - last), cut_note(columns.name, first=first, last=last))
 
 
 MATLAB = ".mat"

@@ -3,6 +3,7 @@
 import json
 import math
 import resource
+import zlib
 from functools import reduce
 
 import h5py
@@ -227,6 +228,35 @@ def test_a_compressed_file_that_promises_too_much_is_refused(tmp_path, write):
         read_columns((write(tmp_path),), TextFormat())
 
 
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize("kind", [0, 8, 10, 11, 19, 33033])
+def test_matlab_data_of_an_unknown_type_are_refused_because_scipy_crashes(tmp_path, compressed, kind):
+    path = tmp_path / "a.mat"
+    savemat(path, {"t": np.arange(8.0), "imu": {"acc": np.ones((8, 3))}})
+    content = bytearray(path.read_bytes())
+    double, size = (9).to_bytes(4, "little"), (8 * 8).to_bytes(4, "little")
+    at = content.index(double + size)
+    content[at : at + 4] = kind.to_bytes(4, "little")
+    if compressed:
+        length = int.from_bytes(content[132:136], "little") + 8
+        packed = zlib.compress(bytes(content[128 : 128 + length]))
+        tag = (15).to_bytes(4, "little") + len(packed).to_bytes(4, "little")
+        content[128 : 128 + length] = tag + packed
+    path.write_bytes(content)
+
+    with pytest.raises(RecordingError, match=rf"as a MATLAB file \(ValueError: unknown data type {kind}\)"):
+        read_columns((path,), TextFormat())
+
+
+def test_a_table_with_only_a_header_is_refused(tmp_path, typed):
+    (tmp_path / "a.csv").write_text("t,lat,lon,height,ax,ay,az,gx,gy,gz\n")
+
+    done = typed("data", "inspect", "a.csv")
+
+    assert done.returncode == 2
+    assert "a.csv has no rows of data; give a file with measurements." in done.stderr
+
+
 def test_unsigned_numbers_of_64_bits_are_read_and_a_counter_from_its_highest_bit(tmp_path):
     most = 2**64 - 1
     savemat(tmp_path / "a.mat", {"t": np.array([1, 2**53 + 1], np.uint64), "x": np.array([3, most], np.uint64)})
@@ -266,8 +296,9 @@ def test_a_clock_that_was_set_under_way_is_named_and_needs_no_memory():
     receiver_figure(recording, errors)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300_000
     assert len(common_edges(0.5, np.concatenate([np.arange(100_000) / 100, 3e5 + np.arange(100_000) / 100]))) > 600_000
-    guess = guess_time_unit(np.zeros(5), "")
-    assert (guess.value, guess.grade) == ("s", "unsure")
+    for stamps in (np.zeros(5), np.zeros(0)):
+        guess = guess_time_unit(stamps, "")
+        assert (guess.value, guess.grade) == ("s", "unsure")
 
 
 # Fields of tracks that are of another kind than they should be.
