@@ -40,7 +40,7 @@ FAULTS = {
 """The kinds of fault, in the order of the picture, with their names there."""
 
 BLOCK = re.compile(r"(?<=<!-- audit -->\n).*?(?=<!-- /audit -->)", flags=re.DOTALL)
-REAL_GNSS = re.compile(r"- \*\*J-GNSS\*\*: (\S+) \[(\S+), (\S+)\] .*? of (\d+) trips.*?: \*\*(\w+)\*\*")
+REAL_GNSS = re.compile(r"- \*\*J-GNSS\*\*: .*? (\S+) \[(\S+), (\S+)\] .*? of (\d+) GNSS trips.*?: \*\*(\w+)\*\*")
 
 
 def front(audit: Audit) -> str:
@@ -56,21 +56,28 @@ def front(audit: Audit) -> str:
         sys.exit(f"The results have changed ({average}, {without}, {counts['no fault']}, {found}): rewrite the text.")
     ratio, low, high, trips, _ = found.groups()
     finding = f"""\
-**Yes, if the receiver produces outliers; otherwise rarely.** We tuned {methods} adaptive filters and the plain
-filters equally, and scored them on {audit.y.shape[2]} unseen simulated drives. On drives with outliers,
-{counts["outliers"][0]} are significantly better than the plain filter of their model, and {counts["outliers"][1]}
-are worse. Without a fault, none is better and {counts["no fault"][1]} are worse. On average, the
-{audit.literature.sum()} with an adaptation from the literature have {average[0]:.2f} times the plain filter's error
-(95 % interval {average[1]:.2f} to {average[2]:.2f}), {without[0]:.2f} times ({without[1]:.2f} to {without[2]:.2f})
-without outliers. On {trips} real GNSS recordings, the median of these adaptations is {ratio} ({low} to {high})."""
+**Yes, if the receiver produces outliers; otherwise rarely.** We tuned {methods} adaptive filters and the plain Kalman
+filters equally, and evaluated them on {audit.y.shape[2]} other simulated drives. On drives with outliers,
+{counts["outliers"][0]} of the {methods} adaptive filters are significantly better than the plain filter with the same
+motion model, and {counts["outliers"][1]} are worse. On drives without a fault, no adaptive filter is better and
+{counts["no fault"][1]} are worse."""
+    ratios = f"""\
+The {audit.literature.sum()} filters with an adaptation from the literature have, on average, {average[0]:.2f} times the
+error of the plain filter (95 % interval {average[1]:.2f} to {average[2]:.2f}). If the drives with outliers are
+excluded, the average error of these filters is {without[0]:.2f} times the error of the plain filter
+({without[1]:.2f} to {without[2]:.2f}). On {trips} real GNSS trips, the average adaptation has {ratio} times the error
+of the plain filter (median, {low} to {high})."""
     limits = """\
-A drive can have several faults. [The audit](experiments/audit/README.md) describes the method, the ranking and the
-limits; `experiments/audit/recompute.py` recomputes these numbers from the stored rows."""
+[The audit](experiments/audit/README.md) describes the method, the ranking and the limits. A drive can
+have several faults."""
     caption = (
         "Number of adaptive filters that are significantly better or worse than the plain filter, by kind of fault"
     )
     figure = f'<img src="experiments/audit/{PICTURE.name}" alt="{caption}" width="720">'
-    return "\n\n".join([textwrap.fill(finding, 140), figure, textwrap.fill(limits, 140)]) + "\n"
+    return (
+        "\n\n".join([*(textwrap.fill(text, 140) for text in (finding, ratios)), figure, textwrap.fill(limits, 140)])
+        + "\n"
+    )
 
 
 def picture(first: Audit, second: Audit) -> Figure:

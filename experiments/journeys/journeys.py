@@ -124,7 +124,7 @@ def tuned(rows: pd.DataFrame, population: str, variant: str = FIRST) -> Errors:
 def sentence(rows: pd.DataFrame, population: str, variant: str = FIRST) -> str:
     """Return the result of the average adaptation as one line."""
     average = left_out.average_method(tuned(rows, population, variant))
-    return left_out.ratio_sentence(average, taken(population), "trip")
+    return left_out.ratio_sentence(average, taken(population), f"{population[2:]} trip")
 
 
 def parts(rows: pd.DataFrame) -> dict[str, str]:
@@ -132,7 +132,9 @@ def parts(rows: pd.DataFrame) -> dict[str, str]:
     populations = list(protocol()["populations"])
     made = {"average": "\n".join(f"- **{name}**: {sentence(rows, name)}" for name in populations)}
     varied = [(UNSHIFTED, "J-UWB"), *((GAPS, name) for name in populations)]
-    made["variants"] = "\n".join(f"- {variant}, {name}: {sentence(rows, name, variant)}" for variant, name in varied)
+    made["variants"] = "\n".join(
+        f"- Variant `{variant}`, {name}: {sentence(rows, name, variant)}" for variant, name in varied
+    )
     shown = ("gnss_only", "constant_velocity", "acceleration", "imm")
     for name in populations:
         losses, of = tuned(rows, name), taken(name)

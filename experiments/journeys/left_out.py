@@ -269,9 +269,10 @@ def ratio_sentence(d: FloatArray, taken: Taken, unit: str) -> str:
     """Return the result of (16, n) log ratios as one line; ``unit`` is the noun for a replicate."""
     result = over_replicates(d, taken)
     low, high = result.exact
-    ratio = f"{result.median:.2f} [{low:.2f}, {high:.2f}] is the ratio of the average adaptation to the plain filter"
-    wins = f"it is below 1 on {result.wins} of {result.n} {unit}s (p = {result.p:.2g}): **{result.verdict}**"
-    return f"{ratio}; {wins}. The largest ratio of a {unit} is {result.worst_ratio:.2f} ({result.worst})."
+    times = f"{result.median:.2f} [{low:.2f}, {high:.2f}] times the error of the plain filter (median of the {unit}s)"
+    wins = f"on {result.wins} of {result.n} {unit}s (sign test, p = {result.p:.2g}): **{result.verdict}**"
+    largest = f"The largest ratio of these two errors is {result.worst_ratio:.2f} (on {result.worst})."
+    return f"the average adaptation has {times}. The average adaptation has the smaller error {wins}. {largest}"
 
 
 def ratio_table(losses: Mapping[Method, FloatArray], taken: Taken, unit: str) -> str:

@@ -1,4 +1,4 @@
-"""Prints the tables and sentences of the study's page from its rows.
+"""Prints the tables of the study's page from its rows.
 
 python experiments/replayed/summary.py results/replayed
 """
@@ -115,13 +115,18 @@ def verdicts_table(rows: pd.DataFrame) -> Iterator[str]:
 
 
 def named(words: list[str]) -> str:
-    """Return the words with commas, or "none"."""
-    return ", ".join(words) or "none"
+    """Return the words with commas, or "-"."""
+    return ", ".join(words) or "-"
 
 
-def sentences(rows: pd.DataFrame) -> Iterator[str]:
-    """Yield for each scenario what is shown of the adaptations against none, and how many runs are lost."""
+SUMMARY = ("better with some filters, worse with no filter", "worse with every filter", "diverged or failed runs")
+"""Columns of the last table."""
+
+
+def summary_table(rows: pd.DataFrame) -> Iterator[str]:
+    """Yield a summary of the comparisons with no adaptation, with a line for each scenario."""
     shown, known = against_none(rows), losses(rows)
+    lines: dict[str, list[str]] = {}
     for at in scenarios(rows):
         rivals = {
             name: [MARKS[comparison.verdict] for comparison in cells[at].values()]
@@ -135,10 +140,8 @@ def sentences(rows: pd.DataFrame) -> Iterator[str]:
             if key[:2] == at and np.isinf(errors).any():
                 lost[key[2]] = lost.get(key[2], 0) + int(np.isinf(errors).sum())
         counts = [f"{count} with {name}" for name, count in lost.items()]
-        yield (
-            f"- **{title(at)}**: better with some filters and worse with no filter: {named(helps)}. Worse with every"
-            f" filter that supports the adaptation: {named(harms)}. Diverged or failed runs: {named(counts)}."
-        )
+        lines[title(at)] = [named(helps), named(harms), named(counts)]
+    yield from table("scenario", lines, list(SUMMARY))
 
 
 def main(folder: Path) -> None:
@@ -147,7 +150,7 @@ def main(folder: Path) -> None:
     print("\n".join(errors_table(rows, "filter", adaptation="none")), end="\n\n")
     print("\n".join(errors_table(rows, "adaptation", filter=SHOWN)), end="\n\n")
     print("\n".join(verdicts_table(rows)), end="\n\n")
-    print("\n".join(sentences(rows)))
+    print("\n".join(summary_table(rows)))
 
 
 if __name__ == "__main__":

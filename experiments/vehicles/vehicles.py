@@ -128,7 +128,7 @@ def parts(rows: pd.DataFrame) -> dict[str, str]:
     """Return the parts of the page."""
     losses = {name: tuned(rows)[name, left_out.PLAIN] for name in ("gnss_only", "baseline", "jerk", *BESIDE[1:])}
     return {
-        "average": "\n".join(f"- **{model}**: {sentence(rows, model)}" for model in MODELS),
+        "average": "\n".join(f"- **Filter {model}**: {sentence(rows, model)}" for model in MODELS),
         "traces": left_out.error_table(losses, taken(rows), "trace"),
         **{model: left_out.ratio_table(tuned(rows, model), taken(rows), "trace") for model in MODELS},
     }
@@ -148,7 +148,7 @@ def main() -> None:
         PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), of_page), encoding="utf-8")
         left_out.answer(
             RESULTS,
-            "The motion of real cars with 13 recorded traces of GNSS errors, semi-real",
+            "Real drives of cars with 13 recorded traces of GNSS errors (partly simulated)",
             "vehicles",
             of_page["average"],
         )
