@@ -13,7 +13,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.intervals import failures_text, up_to
 from jerkbench.evaluation.judgement import WINS, Verdict
-from jerkbench.report.columns import FACTORS, metric_columns, quantity, with_metric
+from jerkbench.report.columns import FACTORS, metric_columns, quantity, varying_factors, with_metric
 from jerkbench.report.comparisons import Comparison, Standing
 from jerkbench.report.findings import against, mean_log_ratio, reference_method, size_text, study_baselines
 from jerkbench.report.labels import METHOD_PARTS
@@ -137,7 +137,7 @@ def cells_view(
     baselines = study_baselines(rows, ["adaptation"])
     ratios = {comparison.subject: comparison for of in baselines for comparison in verdicts.against(of)}
     groups = {str(key): group for key, group in rows.assign(key=list(keys)).groupby("key", sort=False)}
-    factors = tuple(key for key in FACTORS if len(rows[key].unique()) > 1) or ("filter",)
+    factors = varying_factors(rows) or ("filter",)
     lines = []
     for key, group in groups.items():
         combination = Combination(*(str(group[factor].iloc[0]) for factor in FACTORS))

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.over_seeds import Samples, mean_intervals
-from jerkbench.report.columns import FACTORS, METHOD, SCENARIO_FACTORS, checked, competes, quantity
+from jerkbench.report.columns import METHOD, SCENARIO_FACTORS, checked, competes, quantity, varying_factors
 from jerkbench.report.comparisons import runs_by_combination
 from jerkbench.report.findings import certain_size, informative_standings
 from jerkbench.report.plots.style import (
@@ -348,7 +348,7 @@ def of_rows(rows: "pd.DataFrame", palette: Palette | None = None) -> Iterator[Dr
 
 def _heat_map(rows: "pd.DataFrame", metric: str) -> Iterator[Drawing]:
     """Yield the heat map, if the study has at least two scenarios and at least two methods."""
-    varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
+    varying = varying_factors(rows)
     of_scenario, of_method = ([key for key in varying if (key in METHOD) is made_of] for made_of in (False, True))
     if not (of_scenario and of_method):
         return
