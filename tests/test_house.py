@@ -25,7 +25,7 @@ MAX_CODE = {
     "campaign": 1681,
     "cli": 885,
     "compilation": 427,
-    "evaluation": 997,
+    "evaluation": 980,
     "hydra_app": 720,
     "hydra_plugins": 15,
     "inertial": 1038,
@@ -35,7 +35,7 @@ MAX_CODE = {
     "jobs": 1774,
     "kinematic": 1309,
     "plugins": 806,
-    "report": 3174,
+    "report": 3117,
     "simulation": 598,
 }
 """Lines of code of each package without docstrings, comments, blank lines, imports and plugins. They may only fall."""

@@ -13,8 +13,9 @@ import pandas as pd
 
 from jerkbench.evaluation.judgement import LEVEL, Judgement, LogRatios, Verdict, judged
 from jerkbench.jobs.study import load_study
+from jerkbench.report.columns import varying_factors
 from jerkbench.report.comparisons import Comparison
-from jerkbench.report.findings import failures_clause, method_names, varying_factors
+from jerkbench.report.findings import failures_clause, method_names
 from jerkbench.report.study_verdicts import study_verdicts
 from jerkbench.report.table_model import number
 

@@ -279,8 +279,8 @@ def compare_command(arguments: argparse.Namespace) -> None:
         selected,
         with_names_of,
     )
+    from jerkbench.report.columns import varying_factors
     from jerkbench.report.comparisons import VerdictRule
-    from jerkbench.report.findings import varying_factors
     from jerkbench.report.summary import main_metric
 
     (a, of_a), (b, of_b) = named_study(arguments.first), named_study(arguments.second)

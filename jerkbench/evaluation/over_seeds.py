@@ -1,4 +1,4 @@
-"""Averages over the seeds of each combination with their intervals, and the verdict on consistency."""
+"""Averages over the seeds of each combination with their intervals, and the chi-square band of a consistent filter."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -220,12 +220,6 @@ def _geometric(errors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return np.where(equal, errors[:, 0], mean), np.where(equal, same, low), np.where(equal, same, high)
 
 
-_CONSISTENT, OVERCONFIDENT, CAUTIOUS, UNKNOWN = "consistent", "overconfident", "too cautious", "not known"
-
-NEAR = (0.5, 2.0)
-"""For the verdict "consistent", the interval of the average must lie within these multiples of the expected value."""
-
-
 def chi2_band(dof: float, samples: float) -> tuple[float, float]:
     """Return the interval that contains the average of independent chi-square values with probability 95 %.
 
@@ -237,34 +231,3 @@ def chi2_band(dof: float, samples: float) -> tuple[float, float]:
 
     low, high = chi2.ppf([0.025, 0.975], dof * samples) / samples
     return float(low), float(high)
-
-
-def runs_verdict(averages: npt.ArrayLike, expected: float, failed: int = 0) -> str:
-    """Return the consistency verdict from the averages (n,) of independent runs.
-
-    The verdict depends on the interval of the mean of the averages::
-
-        overconfident   the whole interval is above ``expected``
-        too cautious    the whole interval is below ``expected``
-        consistent      the interval contains ``expected`` and lies within 0.5 to 2 times this value
-        not known       the interval contains ``expected``, but is wider
-
-    For 5 or more runs, the interval is computed by `mean_interval`. For 2 to 4 runs, the interval is Student's interval
-    of the logarithms, which is an interval of the geometric mean. The geometric mean is not larger than the mean, so
-    the verdict "overconfident" is also valid for the mean. The verdict on a single run, which has no interval, is "not
-    known". If any run failed or has no finite average, the verdict is "overconfident" or "not known".
-    """
-    values = np.asarray(averages, dtype=np.float64)
-    finite = values[np.isfinite(values)]
-    low = high = np.nan
-    if len(finite) >= MIN_BOOTSTRAP:
-        _, low, high = mean_interval(finite)
-    elif len(finite) > 1 and finite.min() > 0:
-        ((low,), (high,)) = np.exp(student_intervals(np.log(finite)[None], 0.95))
-    if low > expected:
-        return OVERCONFIDENT
-    if failed + len(values) > len(finite):
-        return UNKNOWN
-    if high < expected:  # comparisons with NaN are false
-        return CAUTIOUS
-    return _CONSISTENT if NEAR[0] * expected <= low and high <= NEAR[1] * expected else UNKNOWN

@@ -92,6 +92,11 @@ def require_factors(keys: Iterable[str]) -> None:
         require_known("factor", key, FACTORS, JerkbenchError)
 
 
+def varying_factors(rows: "pd.DataFrame") -> tuple[str, ...]:
+    """Return the factors in which the combinations differ."""
+    return tuple(key for key in FACTORS if len(set(map(str, rows[key].unique()))) > 1)
+
+
 def parse_method(text: str) -> tuple[str, ...]:
     """Convert a text with comma-separated factors, such as "filter,adaptation", to a tuple.
 
@@ -123,7 +128,7 @@ def layout(
     for key in keys:
         if keys.count(key) > 1:
             raise JerkbenchError(f"The factor '{key}' is given twice; it can be a row or a column, not both.")
-    varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
+    varying = varying_factors(rows)
     if column_keys is None:
         free = [key for key in ("adaptation", "filter") if key not in keys]
         tilting = "attitude" in varying and "attitude" not in keys and not {"adaptation", "filter"} & set(varying)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.intervals import OUTLIER_FACTOR, failures_text, up_to
 from jerkbench.evaluation.judgement import BY_FAILURES, DEFEATS, WINS, Judgement, Verdict
-from jerkbench.report.columns import FACTORS
+from jerkbench.report.columns import FACTORS, varying_factors
 from jerkbench.report.comparisons import UNTESTED, Comparison, Standing, failures_range
 from jerkbench.report.labels import TUNED_SUFFIX
 from jerkbench.report.study_verdicts import StudyVerdicts
@@ -325,11 +325,6 @@ def finding(comparison: Comparison, varying: Sequence[str]) -> str:
         more += f", because {judgement.reason}" if judgement.reason else ""
         said = f"Undecided between {subject} and {baseline}{where}: {factor}{detail}{more}"
     return f"{said}{failed}."
-
-
-def varying_factors(rows: "pd.DataFrame") -> tuple[str, ...]:
-    """Return the factors in which the combinations differ."""
-    return tuple(key for key in FACTORS if len(rows[key].astype(str).unique()) > 1)
 
 
 def study_baselines(rows: "pd.DataFrame", factors: Sequence[str] = ("adaptation", "filter")) -> list[dict[str, str]]:

@@ -13,9 +13,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.intervals import failures_text, up_to
 from jerkbench.evaluation.judgement import WINS, Verdict
-from jerkbench.evaluation.metrics.consistency import EXPECTED_ANEES
-from jerkbench.evaluation.over_seeds import MIN_BOOTSTRAP, NEAR, UNKNOWN, runs_verdict
-from jerkbench.report.columns import FACTORS, metric_columns, quantity, with_metric
+from jerkbench.report.columns import FACTORS, metric_columns, quantity, varying_factors, with_metric
 from jerkbench.report.comparisons import Comparison, Standing
 from jerkbench.report.findings import against, mean_log_ratio, reference_method, size_text, study_baselines
 from jerkbench.report.labels import METHOD_PARTS
@@ -109,7 +107,7 @@ def _matrix_cell(
     return cell | {"text": text, "style": style, "hint": hint, "failed": failed}
 
 
-# The table of all combinations with their consistency. In the page, it can be sorted and filtered.
+# The table of all combinations. In the page, it can be sorted and filtered.
 
 
 _COLUMNS = ("velocity_rmse_mps", "outage_rmse_m", "lockout_s", "anees", "anis_per_row")
@@ -139,7 +137,7 @@ def cells_view(
     baselines = study_baselines(rows, ["adaptation"])
     ratios = {comparison.subject: comparison for of in baselines for comparison in verdicts.against(of)}
     groups = {str(key): group for key, group in rows.assign(key=list(keys)).groupby("key", sort=False)}
-    factors = tuple(key for key in FACTORS if len(rows[key].unique()) > 1) or ("filter",)
+    factors = varying_factors(rows) or ("filter",)
     lines = []
     for key, group in groups.items():
         combination = Combination(*(str(group[factor].iloc[0]) for factor in FACTORS))
@@ -152,7 +150,6 @@ def cells_view(
             "failed": failed,
             "runs": len(group),
             "bound": up_to(failed, len(group)) if (group["replicate"] == "seed").all() else "",
-            "verdict": nees_verdict(group),
         }
         lines.append(line)
     return {
@@ -162,38 +159,8 @@ def cells_view(
         "heads": (*(quantity(column).heading for column in metrics), *["times none"] * bool(ratios), "failed runs"),
         "with_ratios": bool(ratios),
         "lines": lines,
-        "explanation": nees_explanation(rows),
         "details": details(groups, about, [column for column in metrics if column in rows]),
     }
-
-
-HEADING = "NEES says"
-ANEES = "anees"
-
-
-def nees_explanation(rows: "pd.DataFrame") -> str:
-    """Return text that explains the consistency column. If no combination has a NEES, the text is empty."""
-    if ANEES not in rows or rows[ANEES].isna().all():
-        return ""
-    low, high = (factor * EXPECTED_ANEES for factor in NEAR)
-    return (
-        f"{HEADING}: overconfident or too cautious if the 95 % interval of the ANEES over the seeds is above or "
-        f"below {EXPECTED_ANEES:g}; consistent if it contains {EXPECTED_ANEES:g} and lies within {low:g} to {high:g}; "
-        "not known if it is wider, for a single run, and for phases. With fewer than "
-        f"{MIN_BOOTSTRAP} seeds the interval is Student's on the logarithms. If runs failed, the verdict is "
-        "overconfident or not known."
-    )
-
-
-def nees_verdict(group: "pd.DataFrame") -> str:
-    """Return the verdict on the consistency of a combination, which is unknown for phases of one recording."""
-    if ANEES not in group:
-        return ""
-    if (group["replicate"] == "phase").any():
-        return UNKNOWN
-    well = group["status"] == "ok"
-    values = group.loc[well, ANEES].to_numpy(dtype=float)
-    return runs_verdict(values, EXPECTED_ANEES, failed=int((~well).sum()))
 
 
 # Data for the script of the page: errors over time (two bytes for each error), and details of combinations.

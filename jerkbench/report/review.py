@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from jerkbench.evaluation.metrics.consistency import EXPECTED_ANEES
-from jerkbench.evaluation.over_seeds import NEAR
 from jerkbench.report.columns import FACTORS, METHOD, SCENARIO_FACTORS, competes, with_metric
 from jerkbench.report.labels import REUSED, TUNED_SUFFIX
 from jerkbench.report.table_model import arranged
@@ -22,11 +21,11 @@ _MIN_SEEDS = 10
 MIN_SETTINGS = 3
 """Minimum number of settings in a sweep of a parameter."""
 
-BELIEVED = (
-    f"Accepted: {NEAR[0]:g} to {NEAR[1]:g} times. "
-    "The column 'NEES says' is stricter: it counts every significant deviation."
-)
-"""Text about the criterion of the consistency check. The table of combinations uses a stricter criterion."""
+_CREDIBLE = 0.5, 2.0
+"""Range in which the ratio of the ANEES to its expected value is accepted as approximately consistent."""
+
+_ACCEPTED = f"Accepted: {_CREDIBLE[0]:g} to {_CREDIBLE[1]:g} times."
+"""Text about the criterion of the consistency check."""
 
 REPLACED = re.compile(r"(\w+)_(?:sigma|variance|covariance)_[a-z0-9]+")
 """Matches the names of parameters of a data set or a filter that replace the accuracy reported by the receiver."""
@@ -195,7 +194,7 @@ def _consistency(rows: "pd.DataFrame", metric: str) -> Answered:
         )
     anees = grid.cells("anees")
     ratios = {best[scenario]: anees[best[scenario]].mean / EXPECTED_ANEES for scenario in grid.row_values}
-    wrong = [combination for combination, ratio in ratios.items() if not NEAR[0] <= ratio <= NEAR[1]]
+    wrong = [combination for combination, ratio in ratios.items() if not _CREDIBLE[0] <= ratio <= _CREDIBLE[1]]
     if wrong:
         varying = [len(rows[factor].unique()) > 1 for factor in FACTORS]
         named = [
@@ -204,10 +203,10 @@ def _consistency(rows: "pd.DataFrame", metric: str) -> Answered:
         ]
         return (
             False,
-            f"ANEES of the best method in {len(wrong)} of {len(ratios)} scenarios: {'; '.join(named)}. {BELIEVED}",
+            f"ANEES of the best method in {len(wrong)} of {len(ratios)} scenarios: {'; '.join(named)}. {_ACCEPTED}",
         )
     low, high = min(ratios.values()), max(ratios.values())
-    return True, f"The ANEES of the best method of each scenario is {low:.2g} to {high:.2g} times 6. {BELIEVED}"
+    return True, f"The ANEES of the best method of each scenario is {low:.2g} to {high:.2g} times 6. {_ACCEPTED}"
 
 
 def _named(combination: Sequence[str], varying: Sequence[bool]) -> str:

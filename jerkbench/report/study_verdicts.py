@@ -22,6 +22,7 @@ from jerkbench.report.columns import (
     checked,
     competes,
     quantity,
+    varying_factors,
 )
 from jerkbench.report.comparisons import (
     MAX_PAIRS,
@@ -107,7 +108,7 @@ def study_verdicts(
     groups = runs_by_combination(rows, metric)
     if not quantity(metric).lowest_is_best:
         return StudyVerdicts(groups, {}, [], rule)
-    varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
+    varying = varying_factors(rows)
     only_attitudes = "attitude" in varying and not set(METHOD) & set(varying)
     method = tuple(method or (("attitude",) if only_attitudes else METHOD))
     fields: dict[Combination, list[Combination]] = {}  # the combinations of each scenario

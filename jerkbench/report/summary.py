@@ -38,58 +38,26 @@ _BOUND = "position_bound_m"
 _SCENARIO = ("dataset", "disturbance")
 """Factors on which the bound depends. The attitude and the method have no influence on the bound."""
 
-_MAX_BOUNDS = 6
+_MAX_BOUNDS = 20
 """Maximum number of bounds that the footnote lists."""
-
-
-def with_bounds(table: Table, rows: "pd.DataFrame") -> Table:
-    """If the rows of ``table`` are filters, add a row for the known bound of the position RMSE of each scenario."""
-    if table.metric != MAIN or "filter" not in table.row_keys or set(_SCENARIO) & set(table.column_keys):
-        return table
-    bounds, lines = known_bounds(rows), list(zip(table.rows, table.cells, strict=True))
-    scenarios = [_scenario(table, row) for row, _ in lines]
-    for scenario, bound in bounds.items():
-        if scenario in scenarios:
-            at = len(scenarios) - scenarios[::-1].index(scenario)
-            labels_of = dict(zip(_SCENARIO, scenario, strict=True)) | {"filter": "bound"}
-            head = tuple(labels_of.get(key, "") for key in table.row_keys)
-            lines.insert(at, (head, (bound,) * len(table.columns)))
-            scenarios.insert(at, scenario)
-    labels, cells = zip(*lines, strict=True) if lines else ((), ())
-    return dataclasses.replace(table, rows=labels, cells=cells)
 
 
 def bound_note(metric: str, rows: "pd.DataFrame") -> Iterator[str]:
     """Yield a footnote with the known lower bounds of the position RMSE and the number of scenarios without a bound."""
     if metric != MAIN or _BOUND not in rows.columns:
         return
-    bounds = known_bounds(rows)
     count = len(rows[[*_SCENARIO]].drop_duplicates())
-    texts = [f"{number(bound.mean)} ({', '.join(scenario)})" for scenario, bound in bounds.items()]
+    known = rows[np.isfinite(rows[_BOUND].to_numpy(dtype=float)) & (rows["status"] == "ok").to_numpy()]
+    texts = []
+    for scenario, of in known.groupby([*_SCENARIO], sort=False):
+        seeds = of.groupby("seed")[_BOUND].min().to_numpy()  # the root mean square over the seeds is the bound
+        texts.append(f"{number(float(np.sqrt(np.mean(seeds**2))))} ({', '.join(map(str, scenario))})")
     more = [f"{len(texts) - _MAX_BOUNDS} more"] if len(texts) > _MAX_BOUNDS else []
     unknown = [f"not known for {count - len(texts)} of {count} scenarios"] if len(texts) < count else []
     yield (
         "Posterior Cramér-Rao bound [m] from the true noises: the smallest RMSE of a causal filter that does not know"
         f" the motion: {', '.join([*texts[:_MAX_BOUNDS], *more, *unknown])}."
     )
-
-
-def known_bounds(rows: "pd.DataFrame") -> dict[tuple[str, ...], TableCell]:
-    """Return the known lower bound of the position RMSE of each scenario: the root mean square over the seeds."""
-    if _BOUND not in rows.columns:
-        return {}
-    known = rows[np.isfinite(rows[_BOUND].to_numpy(dtype=float)) & (rows["status"] == "ok").to_numpy()]
-    bounds = {}
-    for scenario, of in known.groupby([*_SCENARIO], sort=False):
-        seeds = of.groupby("seed")[_BOUND].min().to_numpy()
-        cell = TableCell(float(np.sqrt(np.mean(seeds**2))), math.nan, math.nan, len(seeds))
-        bounds[tuple(map(str, scenario))] = cell
-    return bounds
-
-
-def _scenario(table: Table, row: tuple[str, ...]) -> tuple[str, ...]:
-    values = dict(table.constants) | dict(zip(table.row_keys, row, strict=True))
-    return tuple(values[key] for key in _SCENARIO)
 
 
 # Footnotes of a table: constant factors, explanation of the numbers, and failures.
@@ -111,7 +79,7 @@ _BEST = "Bold: best in the row. No other method is significantly better, and at 
 
 
 def footnoted(table: Table, rows: "pd.DataFrame", notes: Sequence[str] = (), family: str = "") -> Table:
-    """Return ``table`` with added footnotes, and with added rows for known bounds of the position RMSE.
+    """Return ``table`` with added footnotes.
 
     Args:
         table: table without footnotes.
@@ -119,7 +87,6 @@ def footnoted(table: Table, rows: "pd.DataFrame", notes: Sequence[str] = (), fam
         notes: further footnotes, which are added after the other footnotes.
         family: footnote about the significance tests.
     """
-    table = with_bounds(table, rows)
     cells = [cell for row in table.cells for cell in row if cell is not None]
     same = ", ".join(f"{key} {value}" for key, value in table.constants)
     constants = (f"In every cell: {same}.",) if same else ()

@@ -4,7 +4,7 @@ import itertools
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.over_seeds import Samples, mean_intervals
-from jerkbench.report.columns import FACTORS, METHOD, SCENARIO_FACTORS, checked, competes, quantity
+from jerkbench.report.columns import METHOD, SCENARIO_FACTORS, checked, competes, quantity, varying_factors
 from jerkbench.report.comparisons import runs_by_combination
 from jerkbench.report.findings import certain_size, informative_standings
 from jerkbench.report.plots.style import (
@@ -197,42 +197,37 @@ def heat_map_figure(table: Table, competing: Sequence[bool]) -> Figure:
 
 # Curves of the metric as a function of a parameter: the process noise, or the size of a fault.
 
-_SIGMA = re.compile(r"(?:^|[ (,])accel_mps2=([0-9.eE+-]+)")
-PARAMETER = re.compile(r"([A-Za-z_0-9]+)=(-?[0-9.]+(?:[eE][+-]?[0-9]+)?)(?=[,)])")
+PARAMETER = re.compile(r"([A-Za-z_0-9.]+)=(-?[0-9.]+(?:[eE][+-]?[0-9]+)?)(?=[,)]|$)")
 MIN_SIZES = 3
-"""Minimum number of sizes of a fault (values of a parameter) for which a curve is drawn."""
+"""Minimum number of values of a parameter for which a curve is drawn."""
 
-SCENARIO, SIZE, NAME = "severity_of", "severity", "severity_name"
+SCENARIO, SIZE, NAME = "swept_in", "swept_value", "swept_name"
 """Columns that `curves_figure` reads: the panel of a row, the value of the parameter, and the label of its axis."""
 
 
-def with_noise_sigma(rows: "pd.DataFrame") -> "pd.DataFrame":
-    """Return the rows whose noise label contains accel_mps2, and add the columns that `curves_figure` reads."""
-    sigma_a = rows["noise"].astype(str).str.extract(_SIGMA.pattern)[0].astype(float)
-    scenario = rows["dataset"].astype(str) + ": " + rows["disturbance"].astype(str)
-    columns: dict[str, Any] = {SIZE: sigma_a, SCENARIO: scenario, NAME: "sigma_a [m/s$^2$]"}
-    return rows.assign(**columns)[sigma_a.notna()]
-
-
-def with_severity(rows: "pd.DataFrame") -> "pd.DataFrame":
-    """Return the rows of disturbances that differ in one parameter, and add the columns that `curves_figure` reads.
+def swept_rows(rows: "pd.DataFrame", factor: str) -> "pd.DataFrame":
+    """Return the rows whose labels of ``factor`` differ in one parameter, with the columns `curves_figure` reads.
 
     Parameters with fewer than `MIN_SIZES` different values are ignored.
+
+    Args:
+        rows: one row for each combination and seed.
+        factor: "noise" or "disturbance".
     """
     import pandas as pd
 
-    rows = rows.assign(disturbance=rows["disturbance"].astype(str))
+    rows = rows.assign(**{key: rows[key].astype(str) for key in ("dataset", "disturbance", "noise")})
     found = [
         (label, f"{label[: match.start(2)]}...{label[match.end(2) :]}", match[1], float(match[2]))
-        for label in rows["disturbance"].unique()
+        for label in rows[factor].unique()
         for match in PARAMETER.finditer(label)
     ]
-    places = pd.DataFrame(found, columns=["disturbance", SCENARIO, NAME, SIZE])
+    places = pd.DataFrame(found, columns=[factor, SCENARIO, NAME, SIZE])
     places["values"] = places.groupby([SCENARIO, NAME])[SIZE].transform("nunique")
-    most = places.loc[places.groupby("disturbance")["values"].idxmax()]  # parameter with the most values
-    swept = rows.merge(most[most["values"] >= MIN_SIZES].drop(columns="values"), on="disturbance")
-    swept[SCENARIO] = swept["dataset"].astype(str) + ": " + swept[SCENARIO]
-    return swept
+    most = places.loc[places.groupby(factor)["values"].idxmax()]  # parameter with the most values
+    swept = rows.merge(most[most["values"] >= MIN_SIZES].drop(columns="values"), on=factor)
+    unswept = swept["disturbance"] + ", " if factor == "noise" else ""
+    return swept.assign(**{SCENARIO: swept["dataset"] + ": " + unswept + swept[SCENARIO]})
 
 
 def curves_figure(swept: "pd.DataFrame", metric: str, palette: Palette | None = None) -> Figure:
@@ -241,7 +236,7 @@ def curves_figure(swept: "pd.DataFrame", metric: str, palette: Palette | None = 
     A mean excludes runs that diverged or failed. A hollow point marks a mean that excludes at least one run.
 
     Args:
-        swept: rows that `with_noise_sigma` or `with_severity` returned.
+        swept: rows that `swept_rows` returned.
         metric: column of the metric.
         palette: colours and line styles of the methods of the study.
     """
@@ -342,19 +337,18 @@ def of_rows(rows: "pd.DataFrame", palette: Palette | None = None) -> Iterator[Dr
     floor = max(floors) if len(set(rows["dataset"])) == 1 else 0.0
     yield Drawing("bars", means, bars_figure(summarise(rows, metric, leaders=False), palette, floor))
     yield from _heat_map(rows, metric)
-    noises = with_noise_sigma(rows)
-    if len(noises[SIZE].unique()) > 1:
-        figure = curves_figure(noises, metric, palette)
-        yield Drawing("sensitivity", f"{title} over the process noise; hollow: some runs failed.", figure)
-    swept = with_severity(rows)
-    if len(swept) and len(set(rows["noise"])) == 1:
-        caption = f"{title} over the size of a fault; hollow: some runs failed."
-        yield Drawing("severity", caption, curves_figure(swept, metric, palette))
+    curves = [("sensitivity", "noise", "the process noise")]
+    if len(set(rows["noise"])) == 1:
+        curves.append(("severity", "disturbance", "the size of a fault"))
+    for name, factor, parameter in curves:
+        if len(swept := swept_rows(rows, factor)):
+            caption = f"{title} over {parameter}; hollow: some runs failed."
+            yield Drawing(name, caption, curves_figure(swept, metric, palette))
 
 
 def _heat_map(rows: "pd.DataFrame", metric: str) -> Iterator[Drawing]:
     """Yield the heat map, if the study has at least two scenarios and at least two methods."""
-    varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
+    varying = varying_factors(rows)
     of_scenario, of_method = ([key for key in varying if (key in METHOD) is made_of] for made_of in (False, True))
     if not (of_scenario and of_method):
         return

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import t as student
 
 from jerkbench.evaluation.ranks import over_scenarios
-from jerkbench.report.plots.studies import curves_figure, with_severity
+from jerkbench.report.plots.studies import curves_figure, swept_rows
 from jerkbench.report.study_verdicts import across, common_runs, study_verdicts
 from jerkbench.report.table_model import number
 from made_rows import cell_rows
@@ -69,15 +69,15 @@ def severe_rows(sizes=(0.1, 1.0, 10.0), seeds=5):
 
 
 def test_the_parameter_that_is_swept_is_the_size_of_three_or_more():
-    swept = with_severity(severe_rows())
-    assert sorted(set(swept["severity"])) == [0.1, 1.0, 10.0]
-    assert set(swept["severity_name"]) == {"offset_m"}
-    assert set(swept["severity_of"]) == {"field: bias+false_fix(offset_m=..., length_s=5)"}
-    assert with_severity(severe_rows(sizes=(0.1, 1.0))).empty
-    assert with_severity(severe_rows().assign(disturbance="none")).empty
+    swept = swept_rows(severe_rows(), "disturbance")
+    assert sorted(set(swept["swept_value"])) == [0.1, 1.0, 10.0]
+    assert set(swept["swept_name"]) == {"offset_m"}
+    assert set(swept["swept_in"]) == {"field: bias+false_fix(offset_m=..., length_s=5)"}
+    assert swept_rows(severe_rows(sizes=(0.1, 1.0)), "disturbance").empty
+    assert swept_rows(severe_rows().assign(disturbance="none"), "disturbance").empty
     both = pd.concat([severe_rows(), severe_rows().assign(disturbance="none")], ignore_index=True)
-    assert len(with_severity(both)) == len(severe_rows())
-    (axes,) = curves_figure(with_severity(severe_rows()), "position_rmse_m").axes
+    assert len(swept_rows(both, "disturbance")) == len(severe_rows())
+    (axes,) = curves_figure(swept_rows(severe_rows(), "disturbance"), "position_rmse_m").axes
     (line,) = [one for one in axes.get_lines() if one.get_label() == "jerk + none"]
     np.testing.assert_allclose(line.get_xdata(), [0.1, 1.0, 10.0])
     np.testing.assert_allclose(line.get_ydata(), [0.1, 1.0, 10.0])

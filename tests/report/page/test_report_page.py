@@ -16,7 +16,7 @@ from commands import swept
 from jerkbench.jobs.replay import stored_row
 from jerkbench.jobs.store import Store
 from jerkbench.report.page import page
-from jerkbench.report.page_content import encoded, nees_verdict, settings
+from jerkbench.report.page_content import encoded, settings
 from jerkbench.report.plots.studies import Picture
 from jerkbench.report.review import TUNED, review
 
@@ -325,22 +325,6 @@ def test_a_reference_needs_no_budget_and_is_not_the_best():
     values = {"position_rmse_m": [2.0] * len(GOOD) + [1.0], "anees": [6.0] * len(GOOD) + [600.0]}
     found = review(pd.DataFrame(rows).assign(reason="", **values), [*GOOD, oracle], "position_rmse_m")
     assert [one.passed for one in found if one.question.startswith("Are the best")] == [True]
-
-
-@pytest.mark.parametrize(
-    ("anees", "more", "word"),
-    [
-        ([1073.0, 2910.0, 8605.0], {}, "overconfident"),
-        ([0.5, 6.0, 30.0], {}, "not known"),
-        ([3.7, 4.0, 4.2, 4.1, 3.9], {}, "too cautious"),
-        ([5.7, 6.0, 6.2, 6.1, 5.9], {}, "consistent"),
-        ([5.7, 6.0, 6.2, 6.1, 5.9], {"replicate": "phase"}, "not known"),
-        ([5.7, 6.0, 6.2, 6.1, 5.9], {"status": ["ok"] * 4 + ["diverged"]}, "not known"),
-    ],
-)
-def test_the_word_for_a_cell_is_what_its_seeds_show(cell_rows, anees, more, word):
-    rows = pd.DataFrame(cell_rows("jerk", "none", [1.0] * len(anees))).assign(anees=anees).assign(**more)
-    assert nees_verdict(rows) == word
 
 
 def test_what_stands_in_a_study_cannot_break_the_page(cell_rows):

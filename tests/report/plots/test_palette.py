@@ -56,7 +56,7 @@ def test_every_figure_of_rows_draws_a_method_as_the_figures_of_runs_do(cell_rows
         cell_rows(*method.split(" + "), rng.uniform(1.0, 2.0, 3), disturbance=disturbance, noise=f"accel_mps2={sigma}")
         for disturbance in ("none", "bias")
         for method in METHODS
-        for sigma in (0.1, 0.2)
+        for sigma in (0.1, 0.2, 0.4)
     ]
     rows = pd.DataFrame([row for cell in cells for row in cell])
     palette = palette_of(rows)

@@ -31,7 +31,7 @@ from jerkbench.report.plots.studies import (
     curves_figure,
     heat_map_figure,
     of_rows,
-    with_noise_sigma,
+    swept_rows,
 )
 from jerkbench.report.plots.style import save_figure
 from jerkbench.report.summary import summarise
@@ -158,13 +158,24 @@ def test_the_floor_of_the_reference_is_a_line_through_each_panel_of_the_position
 
 
 def test_the_sensitivity_is_the_mean_over_sigma(swept):
-    assert sorted(set(with_noise_sigma(swept)[SIZE])) == [0.1, 0.2, 0.5]
-    (axes,) = curves_figure(with_noise_sigma(swept), "position_rmse_m").axes
+    assert sorted(set(swept_rows(swept, "noise")[SIZE])) == [0.1, 0.2, 0.5]
+    (axes,) = curves_figure(swept_rows(swept, "noise"), "position_rmse_m").axes
     (line,) = [one for one in axes.get_lines() if one.get_label() == "jerk + none"]
     np.testing.assert_allclose(line.get_xdata(), [0.1, 0.2, 0.5])
     np.testing.assert_allclose(line.get_ydata(), [0.14, 0.28, 0.75])
     hollow = [one for one in axes.get_lines() if one.get_marker() == "o" and one.get_markerfacecolor() == "white"]
     assert sum(len(one.get_xdata()) for one in hollow) == 1
+
+
+@pytest.mark.parametrize(
+    "label", ["q={}", "r_scale.position={}", "measured(accel_mps2={})", "measured(bias=0.1, accel_mps2={})"]
+)
+def test_a_curve_is_drawn_for_each_parameter_of_the_noise_with_three_values(cell_rows, label):
+    cells = [cell_rows("jerk", "none", [1.0], noise=label.format(value)) for value in (0.1, 0.2, 1e-3)]
+    rows = pd.DataFrame([row for cell in cells for row in cell])
+
+    assert set(swept_rows(rows, "noise")["swept_in"]) == {f"field: none, {label.format('...')}"}
+    assert swept_rows(rows[rows["noise"] != label.format(0.1)], "noise").empty
 
 
 def test_the_bars_and_the_heat_map_show_the_same_means(study):
@@ -239,7 +250,7 @@ def test_a_dollar_in_a_label_of_rows_is_a_dollar(study, swept, tmp_path):
     noisy = swept.replace({"filter": {"jerk": FORMULA}, "disturbance": {"none": f"bias({FORMULA})"}})
     drawn = {name: one.figure for name, one in drawings(rows).items()}
     assert {"bars", "heat-map"} <= set(drawn)
-    drawn["sensitivity"] = curves_figure(with_noise_sigma(noisy), "position_rmse_m")
+    drawn["sensitivity"] = curves_figure(swept_rows(noisy, "noise"), "position_rmse_m")
     for name, figure in drawn.items():
         text = shown(figure, tmp_path / f"{name}.svg")
         assert FORMULA in text, name
