@@ -305,13 +305,12 @@ def compared_text(methods: Sequence[AuditMethod], first: Statements, second: Sta
         if one.verdict is not other.verdict
     ]
     opposite = [change for change in changed if {*change[2:]} == {Verdict.BETTER, Verdict.WORSE}]
-    defect = ", which is a defect" if opposite else ""
     head = (
         f"A second audit with other drives and other tunings changes {len(changed)} of {2 * len(methods)} verdicts;"
-        f" {len(opposite)} change between better and worse{defect}. The error of the average adaptation divided by the"
-        f" error of the plain filter is {first.average} in the first audit and {second.average} in the second audit."
-        " The error of the method that is best in tuning, divided by the error of the best plain filter, is"
-        f" {first.pick} in the first audit and {second.pick} in the second audit."
+        f" {len(opposite)} change between better and worse{', which is a defect' * bool(opposite)}. The error of the"
+        f" average adaptation divided by the error of the plain filter is {first.average} in the first audit and"
+        f" {second.average} in the second audit. The error of the method that is best in tuning, divided by the error"
+        f" of the best plain filter, is {first.pick} in the first audit and {second.pick} in the second audit."
     )
     lines = (f"\n- {name}, {against} plain filter: {one}, then {other}" for name, against, one, other in opposite)
     return head + "".join(lines)
