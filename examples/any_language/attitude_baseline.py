@@ -28,9 +28,6 @@ IMU = [
     for axis in ("forward", "left", "up")
 ]
 AXES = ("east", "north", "up")
-PAIRS = [(i, j) for i in range(1, 7) for j in range(i, 7)]
-FILLED = [6 + PAIRS.index(pair) for pair in ((1, 1), (2, 2), (3, 3), (1, 4), (2, 5), (3, 6), (4, 4), (5, 5), (6, 6))]
-"""Columns of the variances, and of the covariances of position and velocity of the same axis."""
 
 
 def acceleration(table: pd.DataFrame, quaternion: np.ndarray, yaw_walk: float) -> np.ndarray:
@@ -67,7 +64,7 @@ def navigate(table: pd.DataFrame, u: np.ndarray, accel_mps2: float, position: fl
     dt = np.diff(table["t_s"], prepend=0.0)
     x, P = z[begin].copy(), np.zeros((2, 2, 3))
     P[0, 0], P[1, 1] = R[begin]
-    rows = np.zeros((len(table) - begin, 6 + 21))
+    rows = np.empty((len(table) - begin, 6))
     for k in range(begin, len(table)):
         if k > begin:
             b = 0.5 * dt[k] ** 2, dt[k]
@@ -85,10 +82,8 @@ def navigate(table: pd.DataFrame, u: np.ndarray, accel_mps2: float, position: fl
                 innovation = np.where(axes, z[k, m] - x[m], 0.0)
                 x = x + K * innovation
                 P = P - np.where(axes, S, 0.0) * K[:, None] * K[None, :]
-        rows[k - begin, :6] = *x[0], *x[1]
-        rows[k - begin, FILLED] = *P[0, 0], *P[0, 1], *P[1, 1]
-    states = [f"{axis}_{unit}" for unit in ("m", "mps") for axis in AXES]
-    estimate = pd.DataFrame(rows, columns=[*states, *(f"P{i}{j}" for i, j in PAIRS)])
+        rows[k - begin] = *x[0], *x[1]
+    estimate = pd.DataFrame(rows, columns=[f"{axis}_{unit}" for unit in ("m", "mps") for axis in AXES])
     estimate.insert(0, "t_s", table["t_s"].to_numpy()[begin:])
     return estimate
 
