@@ -32,6 +32,7 @@ SETTINGS = {
     "time_step": 0.1,  # s, step of the covariance
 }
 NAMES = {"lat": "latitude_deg", "lon": "longitude_deg", "alt": "height_m"}
+SD = ["sd_north", "sd_east", "sd_down"]
 NAMES |= {"VN": "north_mps", "VE": "east_mps", "VD": "down_mps"}
 FRD = np.array([1.0, -1.0, -1.0])  # signs that turn forward, left, up into forward, right, down
 
@@ -39,7 +40,7 @@ FRD = np.array([1.0, -1.0, -1.0])  # signs that turn forward, left, up into forw
 def tables_of(recording: Path) -> dict[str, pd.DataFrame]:
     """Return imu, position, velocity and attitude with the names of pyins, in NED, FRD and degrees.
 
-    The column ``sd`` is the root of the mean variance of the three axes.
+    The columns ``sd_north``, ``sd_east`` and ``sd_down`` contain the reported standard deviations.
     """
     table = pd.read_csv(recording, index_col="t_s").rename_axis("time")
     origin = json.loads(recording.with_suffix(".json").read_text(encoding="utf-8"))["origin"]
@@ -50,7 +51,7 @@ def tables_of(recording: Path) -> dict[str, pd.DataFrame]:
     def frame(source: pd.DataFrame, names: str, values: np.ndarray, variances: str = "") -> pd.DataFrame:
         made = pd.DataFrame(np.asarray(values), source.index, names.split())
         if variances:
-            made["sd"] = np.sqrt(table.loc[source.index, variances.split()].mean(axis=1))
+            made[SD] = np.sqrt(table.loc[source.index, variances.split()].to_numpy())
         return made
 
     axes = "forward_{0} left_{0} up_{0}"
@@ -62,7 +63,7 @@ def tables_of(recording: Path) -> dict[str, pd.DataFrame]:
     angles = Rotation.from_matrix(turns).as_euler("ZYX", degrees=True)[:, ::-1]
     places = np.column_stack(enu2geodetic(*fixes.to_numpy().T, *origin.values()))
     of_fixes, of_velocity = (
-        " ".join(f"{stream}_variance_{axis}{axis}_{unit}" for axis in "123")
+        " ".join(f"{stream}_variance_{axis}{axis}_{unit}" for axis in "213")
         for stream, unit in (("position", "m2"), ("velocity", "m2ps2"))
     )
     return {
@@ -74,10 +75,13 @@ def tables_of(recording: Path) -> dict[str, pd.DataFrame]:
 
 
 def grouped(kind: type, table: pd.DataFrame, factor: float) -> list[measurements.Measurement]:
-    """Return one object for each standard deviation (two digits), because an object has the same one at all times."""
-    digits = np.floor(np.log10(table["sd"])) - 1
-    rounded = np.rint(table["sd"] / 10**digits) * 10**digits
-    return [kind(rows.drop(columns="sd"), np.sqrt(factor) * sd) for sd, rows in table.groupby(rounded)]
+    """Return an object for each R, because all measurements of an object have the same R.
+
+    The standard deviations are rounded to two digits. The three axes need an array; the documentation has a float.
+    """
+    digits = 10 ** (np.floor(np.log10(table[SD])) - 1)
+    rounded = [column for _, column in (np.rint(table[SD] / digits) * digits).round(9).items()]
+    return [kind(rows.drop(columns=SD), np.sqrt(factor) * np.array(sd)) for sd, rows in table.groupby(rounded)]
 
 
 def main(recording: Path, out: Path, **changed: float) -> None:
@@ -89,12 +93,12 @@ def main(recording: Path, out: Path, **changed: float) -> None:
     sums = imu.mul(np.diff(imu.index, prepend=2 * imu.index[0] - imu.index[1]), axis=0)  # over each interval
     increments = strapdown.compute_increments_from_imu(sums.loc[begin:], "increment")
     first = [table.loc[:begin].iloc[-1] for table in (position, velocity, attitude)]
-    pva = pd.concat([row.drop("sd", errors="ignore") for row in first]).rename(begin)
+    pva = pd.concat([row.drop(SD, errors="ignore") for row in first]).rename(begin)
     aiding = [
         *grouped(measurements.Position, position, use["position"]),
         *grouped(measurements.NedVelocity, velocity, use["velocity"]),
     ]
-    deviations = (position["sd"].iloc[0], velocity["sd"].iloc[0], 1.0, 3.0)  # m, m/s, deg, deg
+    deviations = (position[SD].iloc[0].mean(), velocity[SD].iloc[0].mean(), 1.0, 3.0)  # m, m/s, deg, deg
     models = [
         EstimationModel(use[f"{sensor}_bias"], use[f"{sensor}_noise"], use[f"{sensor}_walk"])
         for sensor in ("gyro", "accel")
