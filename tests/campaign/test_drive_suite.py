@@ -1,8 +1,10 @@
 """The suite of random drives: frozen, scored from rows whose answer is known, and its entries in results/suite-v2."""
 
 import dataclasses
+import os
 import re
 import shutil
+import sys
 from itertools import product
 from pathlib import Path
 
@@ -15,7 +17,16 @@ from commands import verb
 from jerkbench import plugins
 from jerkbench.campaign import protocol as protocols
 from jerkbench.campaign.board import frozen_mistakes, missing_mistakes, score_mistakes
-from jerkbench.campaign.entry import ENTRY_FILE, HASHED, drives_by_faults, entry_page, ratios, read_entry, score_of
+from jerkbench.campaign.entry import (
+    ENTRY_FILE,
+    HASHED,
+    drives_by_faults,
+    entry_page,
+    plugins_digest,
+    ratios,
+    read_entry,
+    score_of,
+)
 from jerkbench.campaign.protocol import FROZEN, FROZEN_DRIVES, data_digest, read_suite, require_recordings
 from jerkbench.campaign.stored_files import changed_files
 from jerkbench.errors import PluginError, RecordingError
@@ -131,7 +142,8 @@ def test_a_committed_entry_is_whole_and_its_score_is_that_of_its_rows(folder):
         *missing_mistakes(entry, protocol),
     ] == []
     assert list(score_mistakes(entry, protocol)) == []
-    assert entry.manifest["tuned"]
+    assert entry.manifest["tuned"] or entry.program
+    assert not any(Path(word).is_absolute() for word in entry.program.split())
     assert not entry.manifest["git_commit"].endswith("+changes")
 
 
@@ -158,4 +170,30 @@ def test_the_board_shows_every_entry_with_its_score():
         for name, score in scores.items()
     }
     assert shown == wanted
-    assert board.count("| yes, 2 rows |") == len(ENTRIES) >= 8
+    programs = [folder for folder in ENTRIES if read_entry(folder).program]
+    assert board.count("| no | its files only |") == len(programs)
+    assert board.count("| yes | yes, 2 rows |") == len(ENTRIES) - len(programs) >= 8
+
+
+PACKAGES = {"pyins_filter.py": "pyins", "gtsam_isam2.py": "gtsam", "vqf_attitude.py": "vqf", "ahrs_attitude.py": "ahrs"}
+"""The package that an adapter in examples/any_language imports."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("folder", [folder for folder in ENTRIES if read_entry(folder).program], ids=lambda f: f.name)
+def test_the_rows_of_a_program_come_out_again(folder, monkeypatch):
+    entry, root = read_entry(folder), FOLDER.parents[1]
+    for script, package in PACKAGES.items():
+        if script in entry.program:
+            pytest.importorskip(package)
+    monkeypatch.chdir(root)
+    monkeypatch.setenv("PATH", str(Path(sys.executable).parent), prepend=os.pathsep)
+    try:
+        digest = plugins_digest(entry.method, read_suite("v2"))
+    except RecordingError as error:
+        pytest.skip(str(error))
+    if digest != entry.manifest["plugins"]:
+        pytest.skip("the program or its adapter is not the one of the entry")
+    done = verb("suite", "verify", str(folder), "--rows", "3", "--run-programs", cwd=root)
+    assert done.returncode == 0, done.stdout
+    assert "2 rows of the entry were computed again" in done.stdout

@@ -40,6 +40,32 @@ def rows_of(command, seeds=1, **parameters):
     return jerkbench.run(dataset=SHORT, filter={"name": "command", "command": command, **parameters}, seeds=seeds)
 
 
+@pytest.mark.parametrize(
+    ("package", "program", "attitude"),
+    [
+        ("vqf", "vqf_attitude.py tauAcc=30 restBiasEstEnabled=0", {"name": "vqf", "tau_acc_s": 30, "rest_bias": False}),
+        ("ahrs", "ahrs_attitude.py filter=Madgwick gain=0.01", {"name": "madgwick", "gain_per_s": 0.01}),
+    ],
+)
+def test_an_attitude_program_inside_the_baseline_agrees_with_the_plugin(package, program, attitude):
+    """The estimates of the heading offset differ slightly: the plugins filter the yaw, the program the difference."""
+    pytest.importorskip(package)
+    script, *options = program.split()
+    words = [sys.executable, EXAMPLES / "attitude_baseline.py", EXAMPLES / script, "{recording}", "{out}", *options]
+    theirs = rows_of(" ".join([*map(str, words), "accel_mps2=0.5", "position=2", "velocity=3"]))
+    method = {"filter": {"name": "baseline", "accel_mps2": 0.5}, "r_scale": {"position": 2.0, "velocity": 3.0}}
+    ours = jerkbench.run(dataset=SHORT, attitude=attitude, seeds=1, **method)
+    np.testing.assert_allclose(theirs["position_rmse_m"], ours["position_rmse_m"], rtol=1e-3)
+
+
+def test_a_factor_graph_of_gtsam_navigates_as_the_error_state_filter():
+    """The initial tilt differs: eskf15 computes the tilt from the force at rest, the program reads the attitude."""
+    pytest.importorskip("gtsam")
+    theirs = rows_of(f"{sys.executable} {EXAMPLES / 'gtsam_isam2.py'} {{recording}} {{out}}")
+    ours = jerkbench.run(dataset=SHORT, filter={"name": "eskf15", "use_heading": False}, seeds=1)
+    np.testing.assert_allclose(theirs["position_rmse_m"], ours["position_rmse_m"], rtol=0.1)
+
+
 def test_a_program_in_c_agrees_with_the_baseline(baseline):
     ours = jerkbench.run(dataset=SHORT, filter="baseline", seeds=3)
     theirs = rows_of(f"{baseline} {{recording}} {{out}}", seeds=3)

@@ -90,7 +90,7 @@ def test_pyins_gets_its_own_names_in_ned_and_frd(recording, converted):
     whole = np.isfinite(recording.position.enu_m).all(axis=1)
     wanted = places(recording, recording.position.enu_m[whole])
     np.testing.assert_allclose(tables["position"][["lat", "lon", "alt"]], wanted, atol=1e-9)
-    np.testing.assert_allclose(tables["velocity"]["sd"], 0.03)
+    np.testing.assert_allclose(tables["velocity"][["sd_north", "sd_east", "sd_down"]], 0.03)
     heading_deg = 90.0 - np.degrees(recording.reference.euler_rad[:, 2])
     turned = np.radians(tables["attitude"]["heading"].to_numpy() - heading_deg)
     np.testing.assert_allclose(np.cos(turned), 1.0, atol=1e-12)
