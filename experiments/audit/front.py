@@ -64,8 +64,8 @@ The average error of the {audit.literature.sum()} filters from the literature is
 filter's error (95 % interval {average[1]:.2f} to {average[2]:.2f}), {without[0]:.2f} times without outliers
 ({without[1]:.2f} to {without[2]:.2f}), and {ratio} times on {trips} real GNSS trips ({low} to {high})."""
     limits = """\
-[The audit](experiments/audit/README.md) describes the method, the ranking and the limits. A drive can
-have several faults."""
+[The audit](experiments/audit/README.md) describes the method, the ranking and the limits. A drive with several faults
+counts in several rows of the picture. The thin bars show a second audit."""
     caption = (
         "Number of adaptive filters that are significantly better or worse than the plain filter, by kind of fault"
     )
@@ -87,7 +87,8 @@ def picture(first: Audit, second: Audit) -> Figure:
             if audit is first and worse:
                 axes.text(-worse - 1, row, f"{worse}", va="center", ha="right", fontsize=8)
             if audit is first and not better and not worse:
-                axes.text(1.5, row, "no significant difference", va="center", fontsize=7, color="0.45")
+                none = "0" if any(second.better_and_worse().get([*FAULTS][row], ())) else "no significant difference"
+                axes.text(1.5, row, none, va="center", fontsize=7, color="0.45")
     axes.axvline(0, color="black", linewidth=1)
     axes.set_yticks(range(len(FAULTS)), FAULTS.values(), fontsize=8.5)
     axes.set_ylim(len(FAULTS) - 0.4, -0.9)
