@@ -18,7 +18,14 @@ from functools import partial
 
 import numpy as np
 
-from jerkbench.evaluation.intervals import ENOUGH, SHRUNK, hall_intervals, share_interval, student_intervals
+from jerkbench.evaluation.intervals import (
+    ENOUGH,
+    SHRUNK,
+    hall_intervals,
+    quantiles_of_rows,
+    share_interval,
+    student_intervals,
+)
 from jerkbench.evaluation.judgement import (
     DEFEATS,
     FAILED_MORE,
@@ -279,6 +286,45 @@ def _over(rng: np.random.Generator, own: Draw, scenarios: int, seeds: int, sampl
     return hits
 
 
+def opposite(rng: np.random.Generator, studies: int) -> list[Table]:
+    """Compare two centres of a ratio if the errors of two methods are skewed in opposite directions.
+
+    The first centre is the mean of the log ratios, which decides the verdicts. The second centre is their median, with
+    its interval by order statistics.
+    """
+    found = {}
+    for skew in (0.5, 0.75, 1.0):
+        median = float(np.median(_opposite(rng, skew, (1, 1_000_000))))
+        name = f"{(np.exp(skew**2) + 2) * np.sqrt(np.exp(skew**2) - 1):.2g}"
+        drawn = (_opposite(rng, skew, (20 * studies, n)) for n in SEEDS[2:])
+        found[name] = [[_centres(d, median) for d in of_seeds] for of_seeds in drawn]
+    tables = []
+    for k, title in enumerate(
+        (
+            "Coverage of the interval of the mean",
+            "Coverage of the interval of the median",
+            "Wider interval of the median",
+        )
+    ):
+        tables.append(Table(f"{title} [%]", "skewness of the log errors, seeds", SEEDS[2:]))
+        for name, of_seeds in found.items():
+            tables[-1].add(name, [[one[k] for one in of] for of in of_seeds])
+    return tables
+
+
+def _opposite(rng: np.random.Generator, skew: float, shape: tuple[int, int]) -> Array:
+    """Return log ratios with the mean 0 of two methods whose log errors are lognormal, upwards and downwards."""
+    up, down = (np.exp(skew * rng.standard_normal(shape)) - np.exp(skew**2 / 2) for _ in range(2))
+    return SIGMA * (up + down)
+
+
+def _centres(d: Array, median: float) -> tuple[bool, bool, bool]:
+    (of_mean,) = _judged(d[None])
+    low, high = (float(end[0]) for end in quantiles_of_rows(d[None])[1:3])
+    wider = high - low > np.log(of_mean.high / of_mean.low)
+    return of_mean.low <= 1 <= of_mean.high, low <= median <= high, wider
+
+
 def selection(rng: np.random.Generator, studies: int) -> list[Table]:
     """The first over the last of equal methods over five scenarios, as drawn and corrected for all pairs."""
     methods = (3, 6, 12, 24)
@@ -504,6 +550,7 @@ TABLES: Mapping[str, Callable[[np.random.Generator, int], list[Table]]] = {
     "selection": selection,
     "unseen": unseen,
     "ruined": ruined,
+    "opposite": opposite,
 }
 """Each takes the generator of its stream, and how many studies of 60 scenarios to simulate; of fewer it takes more."""
 

@@ -30,7 +30,7 @@ MAX_CODE = {
     "hydra_plugins": 15,
     "inertial": 1038,
     "inspection": 1788,
-    "io": 2811,
+    "io": 2809,
     "jerkbench": 1757,
     "jobs": 1774,
     "kinematic": 1309,

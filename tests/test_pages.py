@@ -321,7 +321,7 @@ def test_answers_are_those_of_the_page_and_strict_json(answers):
         if command.endswith("json"):
             json.loads(done.stdout, parse_constant=refuse)
     table = json.loads(answers["table results/tried --format json"].stdout)
-    fields = re.search(r"`cells` has these fields:\n\n.*?\n\n", PAGE, re.DOTALL)[0]
+    fields = re.search(r"`cells` describes one combination with these fields:\n\n.*?\n\n", PAGE, re.DOTALL)[0]
     named = {
         name
         for line in fields.splitlines()

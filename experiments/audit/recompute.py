@@ -167,19 +167,19 @@ def main() -> int:
     *real, number = journeys("J-GNSS")
     found = {
         r"(\d+) adaptive filters": len(audit.methods),
-        r"on (\d+) unseen simulated drives": audit.y.shape[2],
-        r"drives with outliers, (\d+) are": counts["outliers"][0],
-        r"of their model, and (\d+) are worse": counts["outliers"][1],
+        r"on (\d+) other simulated drives": audit.y.shape[2],
+        r"drives with outliers, (\d+) adaptive": counts["outliers"][0],
+        r"of the same model, and (\d+) are worse": counts["outliers"][1],
         r"Without a fault, (\w+) is better": "none" if not counts["no fault"][0] else counts["no fault"][0],
         r"is better and (\d+) are worse": counts["no fault"][1],
-        r"the (\d+) with an adaptation from the literature": int(audit.literature.sum()),
-        r"have (\S+) times the plain filter's error": f"{average[0]:.2f}",
+        r"the (\d+) filters from the literature": int(audit.literature.sum()),
+        r"literature is (\S+) times the plain filter's error": f"{average[0]:.2f}",
         r"95 % interval (\S+ to [\d.]+)": "{1:.2f} to {2:.2f}".format(*average),
-        r"(\S+) times \(\S+ to \S+\) without outliers": f"{without[0]:.2f}",
-        r"\((\S+ to \S+)\) without outliers": "{1:.2f} to {2:.2f}".format(*without),
-        r"On (\d+) real GNSS recordings": number,
-        r"median of these adaptations is (\S+)": f"{real[0]:.2f}",
-        r"median of these adaptations is \S+ \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*real),
+        r"(\S+) times without outliers": f"{without[0]:.2f}",
+        r"without outliers \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*without),
+        r"times on (\d+) real GNSS trips": number,
+        r"(\S+) times on \d+ real": f"{real[0]:.2f}",
+        r"real GNSS trips \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*real),
     }
     differ = 0
     for pattern, value in found.items():

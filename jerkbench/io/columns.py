@@ -381,7 +381,7 @@ def read_columns(paths: Sequence[Path], text: TextFormat, gpst_minus_utc_s: floa
     read = [_read(path, text, gpst_minus_utc_s) for path in paths]
     tables, notes = [table for table, _ in read], tuple(note for _, of_file in read for note in of_file)
     if not any(map(len, tables)):
-        raise RecordingError(f"{paths[0]} has no rows of data; give a file with measurements.")
+        raise RecordingError(f"{paths[0]} has no rows of data; it needs one line for each time stamp.")
     for path, table in zip(paths, tables, strict=True):
         if len(table.columns) != len(tables[0].columns):
             raise RecordingError(

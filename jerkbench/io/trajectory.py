@@ -315,8 +315,6 @@ def read_trajectory(path: Path, declared: TrajectoryForm, recording: Recording) 
     base = TrajectoryForm(**{f.name: getattr(declared, f.name) for f in fields(TrajectoryForm)})
     form = replace(base, **_KNOWN.get(path.suffix, {}))
     columns = read_columns([path], TextFormat(form.separator, form.header, form.comment))
-    if len(columns) == 0:
-        raise RecordingError(f"{path} contains no estimate; write one line for each stamp.")
     t_s = _seconds(columns, form, recording)
     enu_m = _places(columns, form, recording)
     velocity = _velocity(columns, form)

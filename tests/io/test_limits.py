@@ -254,7 +254,7 @@ def test_a_table_with_only_a_header_is_refused(tmp_path, typed):
     done = typed("data", "inspect", "a.csv")
 
     assert done.returncode == 2
-    assert "a.csv has no rows of data; give a file with measurements." in done.stderr
+    assert "a.csv has no rows of data; it needs one line for each time stamp." in done.stderr
 
 
 def test_unsigned_numbers_of_64_bits_are_read_and_a_counter_from_its_highest_bit(tmp_path):

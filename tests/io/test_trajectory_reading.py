@@ -151,7 +151,7 @@ def with_value(rows, row, column, value):
         (lambda rows: with_value(rows, 4, 2, np.nan), r"row 5: the position \(north_m\) is not a finite number"),
         (lambda rows: with_value(rows, 4, 1, np.inf), "row 5"),
         (lambda rows: with_value(rows, 4, 0, 0.0), "row 5: the time is not later than in the row above"),
-        (lambda rows: rows[:0], "contains no estimate"),
+        (lambda rows: rows[:0], "has no rows of data"),
     ],
 )
 def test_what_cannot_be_scored_is_a_sentence(tmp_path, recording, spoil, sentence):
