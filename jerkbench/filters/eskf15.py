@@ -89,8 +89,8 @@ class Eskf15(InertialFilter):
 
     If the vehicle is at rest at the start, the initial velocity is 0, and the initial roll and pitch are computed from
     the specific force of the first second. The initial covariance includes the tilt error that an accelerometer bias
-    causes. If the vehicle moves at the start, the initial roll and pitch are those of the attitude filter. The initial
-    yaw and its sigma are computed by the attitude filter or from the track of the position fixes. Before its first
+    causes. If the vehicle moves at the start, the attitude filter computes the initial roll and pitch. The initial yaw
+    and its sigma are computed by the attitude filter or from the track of the position fixes. Before its first
     course measurement, the attitude filter computes the yaw backwards from this course with the integrated gyro. The
     attitude filter affects only the initial state of `eskf15`. If the initial yaw is wrong by 90 degrees or more, the
     filter may never recover.

@@ -95,11 +95,11 @@ def load_matlab_5(path: Path, **options: Any) -> dict[str, Any]:  # noqa: ANN401
     from scipy.io import loadmat
 
     content = path.read_bytes()
-    _require_types(path, content[128:], "little" if content[126:128] == b"IM" else "big")
+    _require_types(path, memoryview(content)[128:], "little" if content[126:128] == b"IM" else "big")
     return dict(loadmat(path, **options))
 
 
-def _require_types(path: Path, content: bytes, order: Literal["little", "big"]) -> None:
+def _require_types(path: Path, content: memoryview, order: Literal["little", "big"]) -> None:
     """Check the data type of each element in ``content``, because scipy crashes if a data type is unknown."""
     at = size = 0
     while at + 8 <= len(content):
@@ -107,7 +107,7 @@ def _require_types(path: Path, content: bytes, order: Literal["little", "big"]) 
         kind, length, start = (first & 0xFFFF, first >> 16, at + 4) if first >> 16 else (first, length, at + 8)
         part = content[start : start + length]
         if kind == _COMPRESSED:
-            part = zlib.decompressobj().decompress(part, 8 * MAX_NUMBERS + MAX_RATIO * len(part))
+            part = memoryview(zlib.decompressobj().decompress(part, 8 * MAX_NUMBERS + MAX_RATIO * len(part)))
             size += len(part)
             require_size(path, size // 8)
         if kind in {_MATRIX, _COMPRESSED}:
