@@ -296,7 +296,7 @@ def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Job
     navigates = {**{kind: plain[kind] for kind in GROUPS[2:]}, "r_scale": dataclasses.asdict(r_scale)}
     method = Method(plugin["filter"], plugin["adaptation"], plugin["engine"], r_scale, navigates)
     names = metric_names(spec.get("metrics") or (), seeded=scenario.seeded)
-    metrics = _metrics(names, tuple(plugins.get("metric", name) for name in names))
+    metrics = {name: _part("metric", {"name": name})[0] for name in names}
     labels = labels or default_labels({**driven, **navigates})
     if label := getattr(method.filter, "table_label", ""):
         labels = labels._replace(filter=label)
@@ -321,11 +321,6 @@ def _part(kind: str, config: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
 def _made(kind: str, cls: type, config: str) -> tuple[Any, dict[str, Any]]:
     del cls  # the class is part of the cache key, because another class can have the same name
     return _new_part(kind, json.loads(config))
-
-
-@lru_cache(maxsize=64)  # with the classes as part of the key, as in `_made`
-def _metrics(names: Sequence[str], _classes: Sequence[type]) -> Mapping[str, Metric]:
-    return {name: _part("metric", {"name": name})[0] for name in names}
 
 
 def _new_part(kind: str, config: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
