@@ -66,6 +66,10 @@ class InteractingMultipleModels(Limited, CompiledEstimator):
     models are similar, the mode probabilities remain near the stationary probabilities of Pi. The reported NIS is
     computed from the combined prediction of both filters.
 
+    If R is much too small, the estimator amplifies rounding errors: a likelihood ratio of e^100 makes the mode
+    probabilities jump between 0 and 1. On such a drive, a change in the last bit of the measurements can change the
+    estimate by some decimetres, so the results of two engines or of two versions of a library differ as much.
+
     An adaptation receives the innovation and the covariance H P H' of the combined prediction. Both filters use the
     adapted R, so their likelihoods are comparable. If the adaptation drops all rows of a measurement, the update and
     the mixing are skipped. All adaptations that change only R are supported. Adaptations of the prior covariance are
