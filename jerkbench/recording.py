@@ -302,6 +302,10 @@ class Reference:
         return self.enu_m is None and self.velocity_mps is None and self.euler_rad is None
 
 
+THE_FIXES = "the fixes themselves"
+"""Source of a reference that consists of the fixes that the filters use."""
+
+
 # The distribution of the errors of a simulated recording.
 
 

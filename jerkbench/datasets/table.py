@@ -49,7 +49,7 @@ from jerkbench.io.table import (
     with_sigma,
 )
 from jerkbench.plugins import register
-from jerkbench.recording import Imu, Origin, Position, Recording, Reference, Velocity
+from jerkbench.recording import THE_FIXES, Imu, Origin, Position, Recording, Reference, Velocity
 
 NO_IMU = "There is no IMU: attitude, tilt and yaw do not apply."
 
@@ -412,7 +412,7 @@ class Tables(FromFiles, TimedColumns):
         if not source.file:
             if p is None:
                 return Reference(np.array([0.0]), source="none", independent=False), origin, ()
-            return Reference(p.t_s, "the fixes themselves", independent=False, enu_m=p.enu_m), origin, ()
+            return Reference(p.t_s, THE_FIXES, independent=False, enu_m=p.enu_m), origin, ()
         stream, frame, places = self.read(source), self.reference_frame, None
         moving = self.reference_velocity if not source.solved or stream.has(self.reference_velocity) else ()
         if named := (*self.reference_position, *moving, *self.reference_attitude):

@@ -27,6 +27,7 @@ from jerkbench.jobs.job import Job
 from jerkbench.jobs.names import require_sensible
 from jerkbench.jobs.progress import Progress
 from jerkbench.presets import take_folders, user_folders
+from jerkbench.recording import THE_FIXES, Recording
 
 Arguments = Sequence[str]
 """Arguments of a command."""
@@ -125,6 +126,8 @@ def tune_all(overrides: Sequence[str], *, several: bool, compare: bool = False) 
     jobs = [[composition.job() for composition in of_method] for of_method in compositions]
     for job in itertools.chain.from_iterable(jobs):
         require_sensible(job)
+    if compare and "experiment" in map(owner, shared):
+        raise PluginError("--compare accepts no experiment=NAME; give dataset=... and disturbance=...")
     cluster, count = cluster_of(config), config["workers"] or processors()
     workers, threads = (Workers(), count) if cluster == LOCAL else (Workers(cluster, count), 1)
     folder = study_folder(config) / "tune"
@@ -149,13 +152,41 @@ def tune_all(overrides: Sequence[str], *, several: bool, compare: bool = False) 
     print(tunings_table(tunings))
     print(f"\nSettings, presets and trials: {folder}")
     if compare:
-        prepared_app(take_folders(_comparison(tunings, methods, shared, options, folder)))()
+        unused = _unused_runs(shared, options, jobs[0], drives, tunings[0].cases.next_seed)
+        prepared_app(take_folders(_comparison(tunings, methods, shared, unused, folder)))()
+
+
+def _unused_runs(
+    typed: Arguments, options: TuneOptions, jobs: Sequence[Job], drives: Sequence[Recording], next_seed: int | None
+) -> list[str]:
+    """Return the arguments that restrict a comparison to runs, recordings or times that the tuning has not used.
+
+    If the only reference consists of the fixes that the filters use, some fixes are withheld for the comparison.
+    """
+    arguments = [f"first_seed={next_seed}", f"seeds={options.test_seeds}"] if next_seed else []
+    split = _split_of(options, jobs)
+    if split in HELD_OUT:
+        arguments.append(f"{HELD_OUT[split]}={','.join(options.held_out)}")
+    if split == "time":
+        tuned_s = [options.share * drive.duration_s for drive in drives]
+        if max(tuned_s) > min(drive.duration_s for drive in drives):
+            raise PluginError(
+                "--compare with split=time needs recordings of similar durations; compare each recording."
+            )
+        arguments.append(f"burn_in_s={max(tuned_s):.6g}")
+    references = [drive.reference for drive in drives]
+    if all(one.empty or one.source == THE_FIXES for one in references) and "disturbance" not in map(owner, typed):
+        print(
+            "The log has no reference, so the comparison withholds three of four fixes and uses them as the reference."
+        )
+        arguments.append("disturbance=withhold")
+    return arguments
 
 
 def _comparison(
-    tunings: Sequence[Tuning], methods: Sequence[Arguments], typed: Arguments, options: TuneOptions, folder: Path
+    tunings: Sequence[Tuning], methods: Sequence[Arguments], typed: Arguments, unused: Arguments, folder: Path
 ) -> list[str]:
-    """Return the arguments with which `jerkbench run` runs all tuned methods on the same scenarios with unused seeds.
+    """Return the arguments with which `jerkbench run` runs all tuned methods on ``unused`` runs of the same scenarios.
 
     Raises:
         PluginError: The methods have different parameters that were not tuned, so that one command cannot run all
@@ -165,31 +196,38 @@ def _comparison(
     untuned = [
         {argument for argument in _not_tuned(*pair) if owner(argument) != argument.partition("=")[0]} for pair in each
     ]
-    if "experiment" in map(owner, typed) or any(others != untuned[0] for others in untuned):
-        raise PluginError("--compare needs equal values of all untuned parameters, and accepts no experiment=NAME.")
+    if any(others != untuned[0] for others in untuned):
+        raise PluginError("--compare needs equal values of all untuned parameters.")
     folders = [*(folder / tuning.name / "conf" for tuning in tunings), *user_folders()]
     presets = [preset for tuning in tunings for preset in preset_overrides(tuning, typed=False)]
     experiments = ",".join(preset.partition("=")[2] for preset in presets)
-    first_seed = tunings[0].cases.next_seed
-    seeds = [f"first_seed={first_seed}", f"seeds={options.test_seeds}"] if first_seed else []
-    shared = [override for override in typed if not override.startswith(("first_seed=", "seeds="))]
+    replaced = {argument.partition("=")[0] for argument in unused} | {"seeds"}
+    shared = [override for override in typed if override.partition("=")[0] not in replaced]
     run_options = ["-m", *(argument for path in folders for argument in ("--config-dir", str(path)))]
-    return [*run_options, *shared, *sorted(untuned[0]), f"experiment={experiments}", *seeds]
+    return [*run_options, *shared, *sorted(untuned[0]), f"experiment={experiments}", *unused]
+
+
+HELD_OUT = {"recordings": "dataset", "families": "disturbance"}
+"""The groups whose held-out names define the test, for each value of the option ``split``."""
+
+
+def _split_of(options: TuneOptions, jobs: Sequence[Job]) -> str:
+    if options.split != "auto":
+        return options.split
+    return "seeds" if all(job.scenario.seeded for job in jobs) else "time"
 
 
 def cases_of(jobs: Sequence[Job], options: TuneOptions, first_seed: int) -> Cases:
     """Return the cases for tuning, for the validation of the finalists, and for the test."""
     seeds = Seeds(options.tune_seeds, options.choose_seeds, options.test_seeds, first_seed)
-    split = options.split
-    if split == "auto":
-        split = "seeds" if all(job.scenario.seeded for job in jobs) else "time"
-    if split in ("recordings", "families") and not options.held_out:
+    split = _split_of(options, jobs)
+    if split in HELD_OUT and not options.held_out:
         raise PluginError(f"split={split} needs the names of the {split} for the test; give held_out=[NAME,...].")
     if split == "seeds":
         return by_seeds(jobs, seeds)
     if split == "time":
         return by_time(jobs, seeds, options.share)
-    return by_label(jobs, "dataset" if split == "recordings" else "disturbance", options.held_out, seeds)
+    return by_label(jobs, HELD_OUT[split], options.held_out, seeds)
 
 
 def _names(jobs: Sequence[Job]) -> list[str]:

@@ -11,6 +11,7 @@ from jerkbench.inspection.evidence import (
     DEG_PER_RAD,
     MAX_RATE_RATIO,
     MIN_COURSE_MPS,
+    MIN_LOW_NORM,
     MIN_STRENGTH,
     MIN_WINDOWS,
     Diagnosis,
@@ -481,11 +482,14 @@ def velocity_in_world(recording: Recording) -> list[Diagnosis]:
 
 
 def accelerometer_unit(recording: Recording) -> list[Diagnosis]:
-    """Report a specific force that is in g or 9.8 times too large, based on the median of |f|."""
+    """Report a specific force that is in g, 9.8 times too large or without gravity, based on the quantiles of |f|."""
     if recording.imu is None:
         return []
-    median_mps2 = float(np.median(np.linalg.norm(recording.imu.accel_mps2, axis=1)))
+    lowest_mps2, median_mps2 = np.quantile(np.linalg.norm(recording.imu.accel_mps2, axis=1), [0.05, 0.5])
     measured = f"the median of |f| is {median_mps2:.3g} m/s2; gravity is {GRAVITY_MPS2:g} m/s2"
+    if lowest_mps2 < MIN_LOW_NORM * median_mps2:
+        measured = f"{measured}; 5 % of |f| are below {lowest_mps2:.2g} m/s2"
+        return [diagnosis("gravity_removed", measured)] if median_mps2 < MIN_LOW_NORM * GRAVITY_MPS2 else []
     medians = {"accelerometer_in_g": 1.0, "accelerometer_too_large": GRAVITY_MPS2**2}
     return [diagnosis(m, measured) for m, median in medians.items() if abs(median_mps2 / median - 1.0) < TOLERANCE]
 

@@ -34,6 +34,9 @@ GRAVITY_WINDOWS_S = (1.0, 2.0)
 MIN_FORCE_MPS2 = 1e-6
 """Minimum norm of a specific force that has a direction."""
 
+MIN_LOW_NORM = 0.5
+"""Minimum 5 % quantile of the norm of the specific force, as a fraction of its median, if the force has gravity."""
+
 MAX_WINDOWS, MAX_WINDOWS_PER_ROW = 100_000, 10
 """The maximum number of windows is the larger of a constant and a multiple of the number of rows. If there were more
 windows, most of the windows would be empty."""

@@ -17,6 +17,7 @@ from jerkbench.inspection.diagnostics import (
 )
 from jerkbench.inspection.evidence import (
     DEG_PER_RAD,
+    MIN_LOW_NORM,
     MIN_STRENGTH,
     Turning,
     cosine,
@@ -118,11 +119,16 @@ def guess_time_unit(stamps: FloatArray, named: str, *, fixes: bool = False, of_w
 
 
 def guess_accel_unit(accel: FloatArray, names: Sequence[Name]) -> Guess:
-    """Guess the unit of specific forces (n, 3) from their median norm, which should be equal to gravity."""
-    size = float(np.median(np.linalg.norm(accel, axis=1)))
+    """Guess the unit of specific forces (n, 3) from their median norm, which should be equal to gravity.
+
+    Without gravity, the norm of a force that varies is often far below its median.
+    """
+    lowest, size = np.quantile(np.linalg.norm(accel, axis=1), [0.05, 0.5])
     median = f"the median of |f| is {size:.3g}"
+    if lowest < MIN_LOW_NORM * size:
+        median = f"{median}, and 5 % of |f| are below {lowest:.2g}"
     for unit, gravity in (("m/s2", GRAVITY_MPS2), ("g", 1.0)):
-        if abs(size / gravity - 1.0) < TOLERANCE:
+        if abs(size / gravity - 1.0) < TOLERANCE and lowest >= MIN_LOW_NORM * size:
             return Guess("accel_unit", unit, "measured", f"{median}; gravity is {gravity:g} {unit}")
     why = f"{median}, which is not gravity in any known unit; was gravity removed?"
     return Guess("accel_unit", common_unit(names, ACCEL_UNITS) or "m/s2", "unsure", why)

@@ -18,7 +18,7 @@ from jerkbench.filters.constant_turn import TURN_WALK, ConstantTurn
 from jerkbench.filters.rts import SmoothedFixes
 from jerkbench.inspection.noise import MAX_FIX_GAP_S, truth_at
 from jerkbench.parameters import ranges_of
-from jerkbench.recording import Position, Recording, Reference
+from jerkbench.recording import THE_FIXES, Position, Recording, Reference
 from jerkbench.report.plots.style import DOTS_PER_INCH, literal, style_axes
 from jerkbench.timeline import build_timeline
 
@@ -95,7 +95,7 @@ def smooth_fixes(recording: Recording) -> SmoothedTrack:
     position, velocity = _fixes(recording), recording.velocity
     if velocity is not None and velocity.frame != "enu":
         velocity = None  # without an attitude, the direction of the velocity is unknown
-    reference = Reference(position.t_s, "the fixes themselves", independent=False, enu_m=position.enu_m)
+    reference = Reference(position.t_s, THE_FIXES, independent=False, enu_m=position.enu_m)
     fixes_only = replace(recording, position=position, imu=None, heading=None, velocity=velocity, reference=reference)
     smoother, scale, freedom = _most_likely(fixes_only)
     estimate = _robust(fixes_only, smoother, scale, freedom)

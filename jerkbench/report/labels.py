@@ -119,7 +119,8 @@ def _set_parameters(overrides: list[str]) -> dict[str, list[str]]:
     for override in overrides:
         key, _, value = override.lstrip("+~").partition("=")
         owner, _, name = key.rpartition(".")
-        if owner and not key.startswith("hydra") and "/" not in value and name not in ("folder", "file"):
+        is_path = name in ("folder", "file") or ("/" in value and not name.endswith("_topic"))
+        if owner and not key.startswith("hydra") and not is_path:
             parameters.setdefault(owner, {})[name] = value.lower() if value in ("True", "False") else value
     return {owner: [f"{name}={value}" for name, value in values.items()] for owner, values in parameters.items()}
 

@@ -277,6 +277,26 @@ def test_r_of_velocities_is_tuned_where_there_are_velocities(tmp_path, velocity,
     assert done.stdout.count("| r_scale.") == knobs
 
 
+@pytest.mark.slow
+def test_a_comparison_on_a_log_without_reference_withholds_fixes_in_the_part_that_was_not_tuned(tmp_path):
+    t_s = np.arange(600) / 10
+    noise = np.random.default_rng(0).normal(0, 0.5, (600, 2))
+    rows = [f"{t},{t + a:.3f},{8 * np.sin(t / 3) + b:.3f},0" for t, (a, b) in zip(t_s, noise, strict=True)]
+    (tmp_path / "log.csv").write_text("\n".join(["t,east_m,north_m,up_m", *rows]))
+    assert verb("data", "inspect", "log.csv", "--preset", "mine.yaml", cwd=tmp_path).returncode == 0
+    words = ["dataset=mine", "filter=constant_velocity,acceleration", "trials=2", "finalists=1", "workers=1"]
+    compared = ["objective=likelihood", "figures=none", "study=one", "--compare"]
+    done = verb("tune", "-m", "--config-dir", ".", *words, *compared, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "The log has no reference, so the comparison withholds three of four fixes" in done.stdout
+
+    stored, _ = Store(tmp_path / "results/one").read()
+    assert all(one.metadata["protocol"]["burn_in_s"] == pytest.approx(0.5 * t_s[-1]) for one in stored)
+    rows = pd.read_csv(tmp_path / "results/one/rows.csv")
+    assert set(rows["disturbance"]) == {"withhold"}
+    assert set(rows["seed"]) == {0, 1, 2, 3}
+
+
 HUSKY = ["dataset=husky_bag", "dataset.file=BAG"]
 QUICK = {"tune": ["trials=2", "figures=false"], "run": ["figures=false"], "data": []}
 

@@ -13,6 +13,7 @@ from jerkbench.errors import PluginError
 from jerkbench.hydra_app.composition import compose_jobs
 from jerkbench.hydra_app.configuration import configured_job, register_schemas
 from jerkbench.presets import config_folder, preset_names, search_path_overrides, take_folders
+from made_jobs import job_of_words
 
 
 @pytest.fixture
@@ -257,3 +258,10 @@ def test_addressed_parameters_go_to_the_jobs_that_choose_their_plugin(loader):
             for method in (["filter=baseline_untuned", "filter.accel_mps2=0.5"], ["filter=jerk"])
         ),
     ]
+
+
+def test_topics_are_in_the_label_of_a_data_set_and_files_are_not():
+    bag = ["dataset=rosbag", "dataset.file=some/drive.bag"]
+    labels = [job_of_words(*bag, *more).labels.dataset for more in ([], ["dataset.heading_topic=/imu/data"])]
+
+    assert labels == ["rosbag", "rosbag(heading_topic=/imu/data)"]

@@ -67,6 +67,14 @@ def test_the_factor_of_sigmas_is_told(field):
     assert "Multiply them by 10" in diagnosis.remedy or "Multiply them by 11" in diagnosis.remedy
 
 
+@pytest.mark.parametrize("rms", [0.1, 1.0])
+def test_a_force_without_gravity_is_not_taken_for_a_force_in_g(field, rms):
+    """With an rms of 1 m/s2, the median norm is that of gravity in g."""
+    calm = of_imu(field, accel=lambda f: (f - f.mean(axis=0)) / np.std(f - f.mean(axis=0)) * rms / np.sqrt(3.0))
+    assert "accelerometer without gravity" in [one.name for one in first_diagnoses(calm)]
+    assert "accelerometer in g" not in [one.name for one in first_diagnoses(calm)]
+
+
 def test_a_gyro_whose_z_is_reversed(field):
     reversed_z = of_imu(field, gyro=lambda w: w * np.array([1.0, 1.0, -1.0]))
     assert "gyro z reversed" in [one.name for one in first_diagnoses(reversed_z)]

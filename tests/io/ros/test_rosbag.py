@@ -172,6 +172,17 @@ def test_a_twist_that_is_never_filled_in_is_not_guessed_as_the_velocity(tmp_path
     assert any("velocities, guessed: /odom (80 messages" in note for note in recording.notes)
 
 
+@pytest.mark.parametrize("name", ["/truth/fix", "/gt_fix", "/ground_truth"])
+def test_a_topic_whose_name_says_truth_is_not_guessed_as_the_fixes(tmp_path, name):
+    exact = rows(100, lambda ns, t: fix(ROS1, ns, lat=t * 1e-5))
+    recording = RosBag(bag(tmp_path / "a.bag", {name: exact})).load(0)
+    assert any(
+        f"positions, guessed: /fix (20 messages; it has fixes; not /fix_none, {name})" in note
+        for note in recording.notes
+    )
+    assert any(f"if it is one, set reference_topic={name}." in note for note in recording.notes)
+
+
 def test_origin_and_reference_are_as_configured_and_never_guessed(tmp_path):
     path = bag(tmp_path / "a.bag")
     recording = RosBag(path, origin=(0.0, 10.0, 5.0), position_topic="/fix", reference_topic="/fix").load(0)
