@@ -19,6 +19,12 @@ _SMALL = ("cm", "mm")
 """Units of length that are allowed only for heights and standard deviations, because only these have a parameter for
 the unit or the scale."""
 
+_TOPIC = re.compile(rf"^/?({'|'.join(_KNOWN['topics'].split())})(_\d+|\[\d+\])?[./]")
+"""The name of a PX4 topic before the name of a column, for example vehicle_gps_position.lat."""
+
+_OF_UNIT = {"m/s2": "accel", "g": "accel", "rad/s": "gyro", "deg/s": "gyro", "m/s": "velocity"}
+"""The quantity of axes without any other name, for example "X (m/s^2)"."""
+
 SENSOR_AXES = (("x", "y", "z"), ("forward", "left", "up"), ("forward", "right", "down"))
 """Names of an IMU's axes."""
 
@@ -75,14 +81,18 @@ _COMPLETE = dict(_complete_names())
 
 def parse_name(column: str, file: str = "") -> Name | None:
     """Return the meaning of a column name, or None if unknown. The name of ``file`` may identify the sensor."""
-    plain = column.strip().lower()
-    for spelling in (plain, re.sub(r"\s*[\[(].*", "", plain)):
+    name = _TOPIC.sub("", column.strip())
+    parts, unit = _parts(name)
+    plain = re.sub(r"\.0?(\d)$", r"[\1]", name.lower())  # PlotJuggler writes a[0] as a.00
+    bare = re.sub(r"\s*[\[(].*", "", plain)
+    for spelling in (plain, bare, "".join(parts)):
         if spelling in _COMPLETE:
             return Name(column, *_COMPLETE[spelling])
-    parts, unit = _parts(column)
     quantity, axis = _meaning("".join(parts))
-    if plain in ("x", "y", "z") and (sensor := _FILES.get("".join(_parts(file)[0]))):
-        quantity, axis = sensor, plain
+    if bare in ("x", "y", "z") and (sensor := _FILES.get("".join(_parts(file)[0]))):
+        quantity, axis = sensor, bare
+    elif quantity == "position":
+        quantity = _OF_UNIT.get(unit, quantity)
     allowed = unit not in _SMALL or quantity in ("sigma", "height")
     return Name(column, quantity, axis, unit) if quantity and allowed else None
 

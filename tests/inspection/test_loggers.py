@@ -181,6 +181,13 @@ def test_columns_of_standard_deviations_that_are_all_zero_are_named_with_the_rem
         ("horizontalAccuracy", ("sigma", "horizontal", "m")),
         ("velN", ("velocity", "north", "")),
         ("GMS", ("tow", "", "ms")),
+        ("X (m/s^2)", ("accel", "x", "m/s2")),
+        ("Z (rad/s)", ("gyro", "z", "rad/s")),
+        ("x (m)", ("position", "x", "m")),
+        ("Horizontal Accuracy (m)", ("sigma", "horizontal", "m")),
+        ("vehicle_gps_position.lat", ("latitude", "", "")),
+        ("sensor_combined/accelerometer_m_s2.01", ("accel", "y", "m/s2")),
+        ("/vehicle_gps_position_0/vel_n_m_s", ("velocity", "north", "m/s")),
     ],
 )
 def test_names_of_other_loggers(column, meaning):
