@@ -153,8 +153,11 @@ class Tables(FromFiles, TimedColumns):
         reference_offset_m: offset (east, north, up) that is added to the positions of the reference [m], for example if
             the reference was measured with another antenna or another base station.
         reference_position: three columns of the position, or empty for a reference without positions.
-        reference_velocity: three columns of the velocity, in NED if reference_frame is ned, otherwise in ENU, or empty
-            for a reference without velocities.
+        reference_angle_unit: unit of latitude and longitude of the reference, or empty for angle_unit.
+        reference_height_unit: unit of the height of the reference, or empty for height_unit.
+        reference_velocity: three columns of the velocity [m/s], or empty for a reference without velocities.
+        reference_velocity_frame: frame of reference_velocity: enu or ned, or empty for ned if reference_frame is ned,
+            and for enu otherwise.
         reference_attitude: three columns (roll, pitch, yaw) or four columns (w, x, y, z) of the rotation from the body
             to the local frame, or empty for a reference without an attitude.
         reference_frame: frame of the reference: enu, ned, geodetic or ecef.
@@ -222,7 +225,10 @@ class Tables(FromFiles, TimedColumns):
     reference_quality_column: str = ""
     reference_offset_m: tuple[float, ...] = (0.0, 0.0, 0.0)
     reference_position: tuple[str, ...] = ()
+    reference_angle_unit: str = ""
+    reference_height_unit: str = ""
     reference_velocity: tuple[str, ...] = ()
+    reference_velocity_frame: str = ""
     reference_attitude: tuple[str, ...] = ()
     reference_frame: str = "enu"
     attitude_unit: str = "rad"
@@ -427,7 +433,9 @@ class Tables(FromFiles, TimedColumns):
             self.reference_source,
             self.reference_independent,
             enu_m=None if places is None else in_enu(places, frame, origin) + self.reference_offset_m,
-            velocity_mps=axes_in_enu(stream.numbers(moving), frame) if moving else None,
+            velocity_mps=axes_in_enu(stream.numbers(moving), self.reference_velocity_frame or frame)
+            if moving
+            else None,
             euler_rad=read_attitude(stream, *angles),
         )
         sigma_m = self._reference_sigma(stream)
@@ -440,6 +448,8 @@ class Tables(FromFiles, TimedColumns):
         """Return the rows with a position on the Earth that does not leap, and their positions (angles in degrees)."""
         stream = self.read(source).with_entries(names) if stream is None else stream
         units = ("deg", "m") if source.solved else (self.angle_unit, self.height_unit)
+        if source.name == "reference" and not source.solved:
+            units = self.reference_angle_unit or units[0], self.reference_height_unit or units[1]
         places = in_degrees(stream.numbers(names), frame, *units)
         rows, notes = possible_rows(stream.name, places=places, frame=frame)
         stream, places = stream.only(rows, notes), places[rows]

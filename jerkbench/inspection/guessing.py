@@ -312,11 +312,22 @@ def _places(draft: Draft, table: GuessedTable, columns: str, frame: str) -> Floa
         draft.add(Guess(frame, "ecef", "measured", f"the distance from zero is {distance_m:.0f} m, the Earth's radius"))
     else:
         draft.add(Guess(frame, "enu", "unsure", "x, y, z: not stated by the columns"))
-    if position.frame == "geodetic" and "angle_unit" not in draft.guesses:
+    if position.frame == "geodetic":
         angle = guess_angle_unit(places[:, 0], places[:, 1], position.names[:2])
         height = guess_height_unit(places[:, 2], position.names[2].unit, str(angle.value))
-        draft.add(angle, *([height] if height else []))
+        _add_units(draft, angle, height or Guess("height_unit", "m", "measured", "the heights are plausible in m"))
     return places
+
+
+def _add_units(draft: Draft, angle: Guess, height: Guess) -> None:
+    """Add the units of the fixes, or the units of the reference that differ from the units of the fixes."""
+    if "angle_unit" not in draft.guesses:
+        draft.add(angle, *([height] if height.value != "m" else []))
+        return
+    for guess in (angle, height):
+        of_fixes = draft.guesses[guess.parameter].value if guess.parameter in draft.guesses else "m"
+        if guess.value != of_fixes:
+            draft.add(replace(guess, parameter=f"reference_{guess.parameter}"))
 
 
 def _sigma(draft: Draft, table: GuessedTable, fixes: BoolArray) -> None:
@@ -379,8 +390,10 @@ def _reference(draft: Draft, table: GuessedTable) -> None:
     draft.name("a second file with positions", reference_file=draft.file("reference"))
     _places(draft, table, "reference_position", "reference_frame")
     velocity, frame = velocity_columns(table.names), draft.guesses["reference_frame"].value
-    if velocity and velocity.frame == ("ned" if frame == "ned" else "enu"):
+    if velocity and velocity.frame in ("enu", "ned"):
         draft.name("from their names", reference_velocity=velocity.columns)
+        if velocity.frame != ("ned" if frame == "ned" else "enu"):
+            draft.name("from their names", reference_velocity_frame=velocity.frame)
     draft.name("its file", reference_source=table.path.name)
     why = "set it to true if the reference is independent of the fixes"
     draft.add(Guess("reference_independent", value=False, grade="unsure", why=why))

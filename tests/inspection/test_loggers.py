@@ -192,3 +192,20 @@ def test_columns_of_standard_deviations_that_are_all_zero_are_named_with_the_rem
 )
 def test_names_of_other_loggers(column, meaning):
     assert parse_name(column)[1:] == meaning
+
+
+def test_units_of_the_reference_may_differ_from_those_of_the_fixes(car, tmp_path):
+    t_s, force, rate, fix_s, places = car
+    imu = {"timestamp": np.round((t_s + 31) * 1e6).astype(int)}
+    imu |= columns([f"gyro_rad[{k}]" for k in range(3)], rate) | columns(["ax", "ay", "az"], force)
+    stamps = {"timestamp": np.round((fix_s + 31) * 1e6).astype(int)}
+    gps = stamps | columns(["lat", "lon", "alt"], np.round(places * [1e7, 1e7, 1e3]).astype(int))
+    truth = stamps | columns(["lat", "lon", "alt"], places) | columns(["vn", "ve", "vd"], np.ones((len(fix_s), 3)))
+    draft = guessed(tmp_path, imu=imu, gps=gps, truth=truth)
+    recording = draft.load()
+
+    assert values(draft)["angle_unit"] == "1e-7 deg"
+    assert values(draft)["reference_angle_unit"] == "deg"
+    assert values(draft)["reference_height_unit"] == "m"
+    np.testing.assert_allclose(recording.reference.enu_m, recording.position.enu_m, atol=0.02)
+    np.testing.assert_allclose(recording.reference.velocity_mps, np.tile([1.0, 1.0, -1.0], (len(fix_s), 1)))
