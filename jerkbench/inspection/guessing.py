@@ -423,12 +423,22 @@ def _outages(draft: Draft, recording: Recording) -> Iterator[Guess]:
         yield Guess("outage_s", shortest_s, "measured", why)
 
 
+MIN_BIAS_DEGPS = 0.02
+"""Minimum gyro bias that is removed [deg/s]. The rotation of the Earth is 0.004 deg/s."""
+
+
 def _rest(draft: Draft, recording: Recording) -> Iterator[Guess]:
-    """Guess the duration of the rest at the start, if the IMU is at rest at the start."""
+    """If the IMU is at rest at the start, guess the duration of the rest, and whether the gyro has a bias."""
     rest = longest_rest(recording) if "imu" in draft.tables else None
-    if rest and rest.begin_s < SOON_S:
-        why = "until then the IMU is at rest, and the fixes do not contradict it"
-        yield Guess("static_start_s", float(int(rest.end_s)), "measured", why)
+    if rest is None or recording.imu is None or rest.begin_s >= SOON_S:
+        return
+    why = "until then the IMU is at rest, and the fixes do not contradict it"
+    yield Guess("static_start_s", float(int(rest.end_s)), "measured", why)
+    still = (recording.imu.t_s >= rest.begin_s) & (recording.imu.t_s <= rest.end_s)
+    bias_degps = np.degrees(np.linalg.norm(recording.imu.gyro_radps[still].mean(axis=0)))
+    if bias_degps > MIN_BIAS_DEGPS:
+        why = f"the mean turn rate at rest is {bias_degps:.2g} deg/s"
+        yield Guess("remove_gyro_bias", value=True, grade="measured", why=why)
 
 
 def preset_text(draft: Draft, name: str) -> str:

@@ -209,3 +209,16 @@ def test_units_of_the_reference_may_differ_from_those_of_the_fixes(car, tmp_path
     assert values(draft)["reference_height_unit"] == "m"
     np.testing.assert_allclose(recording.reference.enu_m, recording.position.enu_m, atol=0.02)
     np.testing.assert_allclose(recording.reference.velocity_mps, np.tile([1.0, 1.0, -1.0], (len(fix_s), 1)))
+
+
+@pytest.mark.parametrize(("bias_degps", "removed"), [(0.0, None), (0.2, True)])
+def test_the_bias_of_a_gyro_at_rest_is_removed(tmp_path, bias_degps, removed):
+    imu_path, *others = car_log(tmp_path).paths  # with 9 s of rest, and a gyro in deg/s
+    imu = pd.read_csv(imu_path)
+    (x, *_) = (name for name in imu if (known := parse_name(name)) and known.quantity == "gyro")
+    imu[x] += bias_degps
+    imu.to_csv(imu_path, index=False)
+    draft = guess_tables(imu_path, *others)
+
+    assert values(draft)["static_start_s"] == 9.0
+    assert values(draft).get("remove_gyro_bias") is removed
