@@ -332,8 +332,9 @@ def _add_units(draft: Draft, angle: Guess, height: Guess) -> None:
 
 def _sigma(draft: Draft, table: GuessedTable, fixes: BoolArray) -> None:
     """Guess the columns of the covariance, or of standard deviations that are positive in all rows ``fixes``."""
-    if nine := covariance_columns(table.names):
-        draft.name("from their names", position_covariance=nine)
+    if covariance := covariance_columns(table.names):
+        frame = "ned" if draft.guesses["position_frame"].value == "ned" else "enu"
+        draft.name("from their names", position_covariance=covariance, position_covariance_frame=frame)
         return
     sigma = sigma_of(table.names)
     values = np.zeros((1, 3)) if sigma is None else table.columns.numbers(sigma.columns)[fixes]

@@ -175,8 +175,9 @@ def sigma_of(names: Sequence[Name]) -> Triple | None:
 
 
 def covariance_columns(names: Sequence[Name]) -> tuple[str, ...]:
-    """Return the nine columns of a position covariance, or an empty tuple if a column is missing or ambiguous."""
-    return tuple(name.column for name in triple(names, "covariance", [str(k) for k in range(9)]))
+    """Return the nine or six columns (11, 22, 33, 12, 13, 23) of a position covariance, or () if one is missing."""
+    columns = triple(names, "covariance", "012345678") or triple(names, "covariance", "048125")
+    return tuple(name.column for name in columns)
 
 
 def _first(names: Sequence[Name], quantity: str, frames: Mapping[tuple[str, str, str], str]) -> Triple | None:

@@ -181,6 +181,7 @@ def test_columns_of_standard_deviations_that_are_all_zero_are_named_with_the_rem
         ("horizontalAccuracy", ("sigma", "horizontal", "m")),
         ("velN", ("velocity", "north", "")),
         ("GMS", ("tow", "", "ms")),
+        ("position_latitude_deg", ("latitude", "", "deg")),
         ("X (m/s^2)", ("accel", "x", "m/s2")),
         ("Z (rad/s)", ("gyro", "z", "rad/s")),
         ("x (m)", ("position", "x", "m")),
@@ -192,6 +193,19 @@ def test_columns_of_standard_deviations_that_are_all_zero_are_named_with_the_rem
 )
 def test_names_of_other_loggers(column, meaning):
     assert parse_name(column)[1:] == meaning
+
+
+def test_the_covariance_that_data_convert_writes(car, tmp_path):
+    t_s, force, rate, fix_s, places = car
+    imu = {"t_s": t_s} | columns(["ax", "ay", "az"], force) | columns(["gx", "gy", "gz"], rate)
+    six = [f"position_variance_{element}_m2" for element in ("11", "22", "33", "12", "13", "23")]
+    gps = {"t_s": fix_s} | columns(
+        [f"position_{name}" for name in ("latitude_deg", "longitude_deg", "height_m")], places
+    )
+    gps |= columns(six, np.tile([4.0, 5.0, 9.0, 1.0, 2.0, 3.0], (len(fix_s), 1)))
+    recording = guessed(tmp_path, imu=imu, gps=gps).load()
+
+    np.testing.assert_allclose(recording.position.covariance_m2[0], [[4, 1, 2], [1, 5, 3], [2, 3, 9]])
 
 
 def test_units_of_the_reference_may_differ_from_those_of_the_fixes(car, tmp_path):
