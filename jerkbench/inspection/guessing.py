@@ -205,16 +205,17 @@ def _table(path: Path) -> GuessedTable:
 
 
 def _streams(tables: Sequence[GuessedTable]) -> dict[str, GuessedTable]:
-    inertial = [table for table in tables if accel_columns(table.names)]
-    gyros = [table for table in tables if gyro_columns(table.names) and table not in inertial]
+    accels, gyros = ([table for table in tables if find(table.names)] for find in (accel_columns, gyro_columns))
+    complete = [table for table in accels if table in gyros]
+    inertial, gyros = (complete, []) if complete else (accels, gyros)
     placed = [table for table in tables if table.is_placed]
-    lacking = len(inertial) - len(gyros) != sum(gyro_columns(table.names) is not None for table in inertial)
+    lacking = not complete and len(inertial) != len(gyros)
     for table in tables:
         if table not in (*inertial, *gyros, *placed) or (lacking and table in inertial and not table.is_placed):
             raise RecordingError(
                 f"{table.path} has the columns {', '.join(table.columns.names)}. Neither the three columns of a"
                 " position nor the six columns of an accelerometer and a gyro (which may be in two files) were"
-                " recognised. Name the columns in the header, for example t, ax, gx, lat."
+                " recognised. Name the columns in the header, for example t, ax, gx, lat, or leave this file out."
             )
     separators = {table.separator for table in tables if table.separator is not None}
     if len(inertial) > 1 or len(gyros) > 1 or len(placed) > 2 or len(separators) > 1:

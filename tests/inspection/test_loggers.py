@@ -208,6 +208,16 @@ def test_the_covariance_that_data_convert_writes(car, tmp_path):
     np.testing.assert_allclose(recording.position.covariance_m2[0], [[4, 1, 2], [1, 5, 3], [2, 3, 9]])
 
 
+def test_accelerations_beside_a_position_are_not_the_imu_if_another_file_has_one(car, tmp_path):
+    t_s, force, rate, fix_s, places = car
+    imu = {"t": t_s} | columns(["ax", "ay", "az"], force) | columns(["gx", "gy", "gz"], rate)
+    local = {"t": fix_s} | columns(["lat", "lon", "alt"], places)
+    local |= columns(["ax", "ay", "az"], np.zeros((len(fix_s), 3)))
+    draft = guessed(tmp_path, local=local, imu=imu)
+
+    assert (values(draft)["imu_file"], values(draft)["position_file"]) == ("imu.csv", "local.csv")
+
+
 def test_units_of_the_reference_may_differ_from_those_of_the_fixes(car, tmp_path):
     t_s, force, rate, fix_s, places = car
     imu = {"timestamp": np.round((t_s + 31) * 1e6).astype(int)}
