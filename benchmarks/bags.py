@@ -1,10 +1,11 @@
-"""The time and the memory that reading a bag takes, in two tables.
+"""Time and memory to write and read ROS bags.
 
     python benchmarks/bags.py [--rounds 9] [--hours 2]
 
-Speed: a simulated drive of 150 s, 31 500 messages (IMU and odometry 100 Hz, fixes 10 Hz): the fields that a recording
-is made of, a recording, and the recording the second time (from the cache). Medians of CPU times are printed.
-Memory: a drive of hours at 100 Hz; each step in a process of its own, with its largest resident size.
+The first table contains CPU times for a simulated drive of 150 s with 31 500 messages (IMU and odometry at 100 Hz,
+fixes at 10 Hz): the time to read the messages, to read a recording for the first time, and to read the recording from
+the cache. The times are medians, except for the first reading, which is timed once. The second table contains the
+elapsed time and the peak memory for a drive of several hours at 100 Hz. Each step runs in a separate process.
 """
 
 import argparse
@@ -38,10 +39,12 @@ T = TypeVar("T")
 
 
 def main() -> None:
-    """Print both tables."""
+    """Measure the selected steps and print both tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rounds", type=int, default=9, help="how often all of them are timed (default 9)")
-    parser.add_argument("--hours", type=float, default=2.0, help="of the long drive; 0: leave it out (default 2)")
+    parser.add_argument("--rounds", type=int, default=9, help="number of rounds (default 9)")
+    parser.add_argument(
+        "--hours", type=float, default=2.0, help="duration of the long drive; 0 omits the second table (default 2)"
+    )
     parser.add_argument("--step", choices=("write", "read"), help=argparse.SUPPRESS)
     parser.add_argument("--bag", type=Path, help=argparse.SUPPRESS)
     chosen = parser.parse_args()
@@ -56,14 +59,14 @@ def main() -> None:
 
 
 def write(path: Path, duration_s: float) -> None:
-    """Write a simulated drive without velocities and headings of its own: those of the odometry are there."""
+    """Write a simulated drive to a bag. The velocities and headings in the bag come from the odometry."""
     drive = FieldWhite(duration_s=duration_s, gnss_rate_hz=10.0).load(0)
     write_bag(dataclasses.replace(drive, velocity=None, heading=None), path)
 
 
 def speed(folder: Path, rounds: int) -> None:
-    """Print the time of the first and of later readings, format by format."""
-    print("| bag | the messages alone | a recording, the first time | the second time |\n|---|---|---|---|")
+    """Print a row with the reading times for each format."""
+    print("| bag | messages only | recording, first time | recording, second time |\n|---|---|---|---|")
     for name in ("drive.bag", "drive.db3", "drive.mcap"):
         path = folder / name
         write(path, SHORT_S)
@@ -74,35 +77,35 @@ def speed(folder: Path, rounds: int) -> None:
 
 
 def messages(path: Path) -> dict[str, Messages]:
-    """Read the messages without the cache."""
+    """Read the messages from the bag, without the cache."""
     with open_bag(path) as bag:
         return bag.read(FIELDS)
 
 
 def recording(path: Path) -> Recording:
-    """Read a recording, the second time from the cache."""
+    """Read a recording, or load it from the cache if it was read before."""
     return RosBag(str(path)).load(0)
 
 
 def elapsed(read: Callable[[], T]) -> tuple[T, float]:
-    """Return what was read, and the CPU time that it took."""
+    """Return the result of ``read`` and its CPU time [s]."""
     began = time.process_time()
     result = read()
     return result, time.process_time() - began
 
 
 def memory(folder: Path, hours: float) -> None:
-    """Write and read a long drive, each in a process of its own."""
-    print("\n| step | file | time | largest resident size |\n|---|---|---|---|")
+    """Write and read a long drive, each step in a separate process."""
+    print("\n| step | file | time | peak memory |\n|---|---|---|---|")
     for name in ("long.bag", "long.mcap"):
         for step in ("write", "read", "read"):
             words = ["--step", step, "--bag", str(folder / name), "--hours", str(hours)]
-            subprocess.run([sys.executable, __file__, *words], check=True)  # noqa: S603 - this same script
+            subprocess.run([sys.executable, __file__, *words], check=True)  # noqa: S603 - runs this script
         (folder / name).unlink()
 
 
 def long_step(step: str, path: Path, hours: float) -> None:
-    """Do one step, and print what it took."""
+    """Execute one step, and print its elapsed time and peak memory."""
     began = time.perf_counter()
     if step == "write":
         write(path, 3600.0 * hours)

@@ -1,10 +1,10 @@
-"""Sweeps on every cluster, and with workers that are killed: the same rows, to the byte.
+"""Comparison of clusters: CPU time, identical rows, and sweeps whose workers are killed.
 
     python benchmarks/clusters.py engines [CLUSTER ...]   experiment=paper, 20 seeds of 30 s, two workers: rows, CPU
     python benchmarks/clusters.py kills [COUNT]           SIGKILL of one of two Dask workers at random moments
 
-The CPU is that of all processes of a sweep, wherever they hang; a sweep of two short cells, one for each worker, says
-what the start costs.
+The CPU time is the sum over all processes of a sweep. A sweep of two short combinations, one for each worker, measures
+the CPU time of the start.
 """
 
 import hashlib
@@ -23,11 +23,11 @@ MARK = "JERKBENCH_BENCHMARK"
 TICKS = os.sysconf("SC_CLK_TCK")
 PAPER = ("experiment=paper", "seeds=20", "dataset.duration_s=30", "report=false")
 FAILED = 1
-"""Exit code where a run failed: the paper's outages begin after 30 s."""
+"""Exit code of a sweep with failed runs: the outages of `experiment=paper` start after 30 s."""
 CELLS = 200
 MANY = (f"noise.accel_mps2=range(0.1,{CELLS / 10 + 0.1:g},0.1)", "filter=jerk", "dataset.duration_s=30", "seeds=4")
 SHORT = ("filter=gnss_only", "adaptation=none", "disturbance=none,imu_bias", "dataset.duration_s=12", "seeds=1")
-"""A cell for each of two workers."""
+"""A sweep with one combination for each of two workers."""
 
 
 def start(folder: Path, *words: str, **environment: str) -> subprocess.Popen[bytes]:
@@ -35,14 +35,14 @@ def start(folder: Path, *words: str, **environment: str) -> subprocess.Popen[byt
     folder.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "jerkbench", "run", "-m", *words, "figures=false", "study=s", "results=."]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    return subprocess.Popen(command, cwd=folder, env={**os.environ, **environment}, **quiet)  # noqa: S603 - our own words
+    return subprocess.Popen(command, cwd=folder, env={**os.environ, **environment}, **quiet)  # noqa: S603 - fixed
 
 
 def swept(folder: Path, *words: str) -> tuple[float, float]:
-    """Sweep to the end; returns CPU and time of the clock [s].
+    """Run a sweep, and return its CPU time and its elapsed time [s].
 
     Raises:
-        RuntimeError: it did not come to its end.
+        RuntimeError: the sweep ended with an unexpected exit code.
     """
     mark, began, spent = uuid.uuid4().hex, time.monotonic(), {}
     process = start(folder, *words, **{MARK: mark})
@@ -55,7 +55,7 @@ def swept(folder: Path, *words: str) -> tuple[float, float]:
 
 
 def spending(mark: str) -> dict[int, float]:
-    """CPU of each process that has ``mark`` in its environment [s]."""
+    """Return the CPU time [s] of each process that has ``mark`` in its environment."""
     spent = {}
     for folder in Path("/proc").iterdir():
         if folder.name.isdecimal():
@@ -69,24 +69,24 @@ def spending(mark: str) -> dict[int, float]:
 
 
 def digest(folder: Path) -> str:
-    """Hash of the rows of a sweep."""
+    """Return a hash of the rows of a sweep."""
     return hashlib.sha256((folder / "s" / "rows.csv").read_bytes()).hexdigest()[:16]
 
 
 def compared(folder: Path, place: Path) -> str:
-    """Say whether the rows are those of the undisturbed sweep."""
-    return "the same" if digest(folder) == digest(place / "whole") else "DIFFERENT"
+    """Return a text that states whether the rows are identical to the rows of the undisturbed sweep."""
+    return "identical" if digest(folder) == digest(place / "whole") else "DIFFERENT"
 
 
 def stored(folder: Path) -> int:
-    """How many files of cells there are."""
+    """Return the number of stored files with combinations."""
     return len(list((folder / "s" / "cells").glob("*.parquet")))
 
 
 def engines(place: Path, clusters: list[str]) -> None:
-    """Compare every engine with the own pool."""
-    swept(place / "warm", *PAPER, "cluster=local", "workers=2")  # recordings and machine code are kept from here on
-    print("cluster      CPU [s]   of it start   once started, of local   clock [s]   rows")
+    """Compare each cluster with the local process pool."""
+    swept(place / "warm", *PAPER, "cluster=local", "workers=2")  # caches the recordings and the machine code
+    print("cluster      CPU [s]     start [s]    without start / local elapsed [s]   rows")
     own = 0.0
     for name in ("local", *clusters):
         begin, _ = swept(place / f"{name}1", *SHORT, f"cluster={name}", "workers=2")
@@ -99,9 +99,9 @@ def engines(place: Path, clusters: list[str]) -> None:
 
 
 def kills(place: Path, count: int) -> None:
-    """Kill one of two workers at a random moment of a sweep, again and again."""
+    """Kill one of two workers at a random moment of a sweep, ``count`` times."""
     swept(place / "whole", *MANY, "cluster=local", "workers=2")
-    chance = random.Random(1)  # noqa: S311 - no secret
+    chance = random.Random(1)  # noqa: S311 - not for cryptography
     for number in range(count):
         folder = place / f"kill{number}"
         at = chance.randrange(1, CELLS // 2)
@@ -114,21 +114,21 @@ def kills(place: Path, count: int) -> None:
             code = process.wait()
         same = digest(folder) == digest(place / "whole")
         print(
-            f"killed after {done} files of cells: exit code {code}, rows {'the same' if same else 'DIFFERENT'}",
+            f"killed after {done} stored files: exit code {code}, rows {'identical' if same else 'DIFFERENT'}",
             flush=True,
         )
 
 
 class dask_site:  # noqa: N801 - used as a function
-    """A scheduler and two workers."""
+    """A Dask scheduler and two workers."""
 
     def __init__(self, folder: Path) -> None:
-        """Have them work in ``folder``."""
+        """Set the working folder of the processes."""
         self.folder, self.processes = folder, []
         folder.mkdir(parents=True, exist_ok=True)
 
     def __enter__(self) -> tuple[str, list[subprocess.Popen[bytes]]]:
-        """Start them; returns the scheduler's address, and the workers."""
+        """Start the processes, and return the address of the scheduler and the workers."""
         file = self.folder / "scheduler.json"
         common = ("--scheduler-file", str(file), "--no-dashboard")
         self._start("scheduler", "--host", "127.0.0.1", "--port", "0", *common)
@@ -139,7 +139,7 @@ class dask_site:  # noqa: N801 - used as a function
         return json.loads(file.read_text())["address"], self.processes[1:]
 
     def __exit__(self, *_: object) -> None:
-        """End them."""
+        """Kill the processes."""
         for process in self.processes:
             process.kill()
             process.wait()
@@ -147,11 +147,11 @@ class dask_site:  # noqa: N801 - used as a function
     def _start(self, kind: str, *words: str) -> None:
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
         command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *words]
-        self.processes.append(subprocess.Popen(command, cwd=self.folder, **quiet))  # noqa: S603 - our own words
+        self.processes.append(subprocess.Popen(command, cwd=self.folder, **quiet))  # noqa: S603 - fixed
 
 
 def main(kind: str, *more: str) -> None:
-    """Run one of the two."""
+    """Run the benchmark ``kind``."""
     with tempfile.TemporaryDirectory() as place:
         if kind == "engines":
             engines(Path(place), list(more) or ["dask"])

@@ -1,4 +1,4 @@
-"""Random command lines from the tool's own grammar: verbs, groups, plugins, parameters, and what is beside them."""
+"""Random command lines from the grammar of jerkbench: commands, groups, plugins, parameters, and invalid values."""
 
 import dataclasses
 import random
@@ -15,7 +15,7 @@ from jerkbench.report.labels import GROUPS
 T = TypeVar("T")
 
 SHORT = ("dataset.duration_s=9", "seeds=1", "figures=false", "workers=1", "engine=filterpy")
-"""A run that takes a fraction of a second, and compiles nothing."""
+"""Arguments of a run that takes a fraction of a second and does not compile a filter."""
 
 HOSTILE = (
     *("", "null", "???", "nan", "inf", "-inf", "-1", "0", "1e308", "99999999999999999999", "true", "[]", "{}", "[[]]"),
@@ -38,7 +38,7 @@ HOSTILE = (
     *("1,1.5", "1,abc", "true,1", "1,11", "=1+1", "a\u2028b", "<script>", "![a](b)", ",", "?", "2147483648"),
     *("interval(0,1)", "glob(*)", "choice(1,2)", "sort(2,1)", "shuffle(1,2)", "[1,2", "(", "\\", "0x10", "1_0", ".5"),
 )
-"""Values that fit nowhere, or somewhere else."""
+"""Values that are invalid for most parameters."""
 
 FLAGS = (
     *(["-m"], ["--multirun"], ["--cfg", "job"], ["--cfg", "hydra"], ["--cfg", "all", "--resolve"], ["--resolve"]),
@@ -95,16 +95,16 @@ HYDRA = (
 
 
 class CommandLines:
-    """A stream of command lines that a seed decides.
+    """A reproducible stream of random command lines.
 
     Args:
-        seed: decides all that follows.
-        study: the folder of a study that is whole, for the verbs that read one.
+        seed: seed of the random numbers.
+        study: folder of an undamaged study, for the commands that read a study.
     """
 
     def __init__(self, seed: int, study: Path) -> None:
-        """Begin the stream."""
-        self._random, self._study = random.Random(seed), str(study)  # noqa: S311 - no secret
+        """Seed the random numbers."""
+        self._random, self._study = random.Random(seed), str(study)  # noqa: S311 - not for cryptography
 
     def run(self) -> list[str]:
         """Return a command line of `jerkbench run`."""
@@ -116,7 +116,7 @@ class CommandLines:
         return ["run", *SHORT, *(self._damaged(word) for group in words for word in group)]
 
     def other(self) -> list[str]:
-        """Return a command line of another verb."""
+        """Return a command line of another command."""
         make = self._one((self._catalogue, self._table, self._compare, self._row, self._report, self._data, self._junk))
         return [self._damaged(word) for word in make()]
 
@@ -191,7 +191,7 @@ class CommandLines:
     def _report(self) -> list[str]:
         verb = self._one(("report", "figures"))
         out = self._one(([], ["--out", ""], ["--out", "/proc/x/y"], ["--out", "."], ["--out", "made.html"]))
-        if verb == "figures":  # what it draws takes long
+        if verb == "figures":  # drawing takes long
             return [verb, "nowhere", *out]
         return [verb, self._folder(), "--scenarios", self._one(("0", "0", "-1", "x")), *out]
 
@@ -237,7 +237,7 @@ class CommandLines:
         return self._one(HOSTILE)
 
     def _damaged(self, word: str) -> str:
-        """Now and then a word with a letter too few, too many, or in the wrong place."""
+        """Return ``word``; with probability 5 %, delete or insert a character, or double the end of the word."""
         if word.startswith(self._study) or not word or self._happens(0.95):
             return word
         at = self._random.randrange(len(word))

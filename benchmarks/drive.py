@@ -1,13 +1,15 @@
-"""The inertial navigation on the real drive beside others: the filter loop of KF-GINS (C++), and python-ins.
+"""Speed and accuracy of `eskf15` on a real drive, compared with KF-GINS (C++) and python-ins.
 
     python benchmarks/drive.py FOLDER [--kf-gins SOURCE] [--python-ins-s 60]
 
-FOLDER is the data of `rtklib` (docs name where they come from), SOURCE a copy of KF-GINS's public repository; g++ and
-Eigen compile its filter and the loop in kf_gins_loop.cpp, with the flags that suit this machine. Fixes of 1 cm at 1 Hz,
-no velocity, the reference the fixes between. Each reads what lies in memory and keeps its positions; KF-GINS has 21
-states and the Earth's rotation, ours 15 and a plane, python-ins 15. python-ins goes over so many seconds of the drive
-only, its covariance in steps of 0.25 s, because it is slow. CPU times of a sample of the IMU, the smallest of five, and
-of python-ins of one. What is not there is named.
+FOLDER contains the data of the data set `rtklib` (the documentation names the source). SOURCE is a copy of the public
+repository of KF-GINS. The script compiles the filter of KF-GINS and the loop in kf_gins_loop.cpp with g++ and Eigen,
+optimised for this machine. The fixes have a standard deviation of 1 cm and a rate of 1 Hz. Velocities are not used. The
+withheld fixes are the reference. All programs read from memory and store their positions. KF-GINS has 21 states and
+models the rotation of the Earth, `eskf15` has 15 states and a flat Earth, and python-ins has 15 states. python-ins is
+slow, so it processes only a part of the drive, and updates its covariance in steps of 0.25 s. The times are CPU times
+per IMU sample: the minimum of five runs, for python-ins the time of one run. If a program is not available, the script
+prints the reason.
 """
 
 import argparse
@@ -39,12 +41,12 @@ SETTLED_S = 60.0
 
 
 class Result(NamedTuple):
-    """What came out.
+    """Result of one program.
 
     Attributes:
-        name: what ran.
-        sample_us: its time for a sample of the IMU.
-        rmse_m: of its positions after a minute.
+        name: name of the program.
+        sample_us: CPU time per IMU sample.
+        rmse_m: position RMSE after the first minute.
     """
 
     name: str
@@ -52,49 +54,49 @@ class Result(NamedTuple):
     rmse_m: float
 
     def line(self, ours: "Result") -> str:
-        """Name, time, ratio, error."""
+        """Return a line with the name, the time, the ratio to the time of ``ours``, and the RMSE."""
         return (
             f"{self.name:<34}{self.sample_us:>10.3f} us{self.sample_us / ours.sample_us:>9.1f} x{self.rmse_m:>9.3f} m"
         )
 
 
 def drive(folder: Path) -> tuple[Recording, Attitude]:
-    """The recording, and the attitude from which the navigation begins."""
+    """Return the recording and the initial attitude."""
     dataset = RtklibDrive(str(folder), imu_shift_s=-0.2, min_speed_mps=0.0)
     recording = Withhold(every=4, phase=0).apply(dataset.load(), 0)
     return recording, Tilt(sigma_accel_mps2=0.5, propagation="exact").estimate(recording)
 
 
 def rmse_m(recording: Recording, t_s: FloatArray, enu_m: FloatArray) -> float:
-    """Of positions at ``t_s``, at the stamps of the reference after a minute, along the chord between them."""
+    """Return the RMSE of linearly interpolated positions at the reference times after the first minute."""
     reference = recording.reference
-    assert reference is not None  # noqa: S101 - the drive has one
+    assert reference is not None  # noqa: S101 - the drive has a reference
     asked = (reference.t_s >= max(SETTLED_S, t_s[0])) & (reference.t_s <= t_s[-1])
     path = np.column_stack([np.interp(reference.t_s[asked], t_s, axis) for axis in enu_m.T])
     return float(np.sqrt(np.mean(np.sum((path - reference.enu_m[asked]) ** 2, axis=1))))
 
 
 def imu_increments(imu: Imu) -> FloatArray:
-    """Time, rotation [rad] and change of velocity [m/s] (n, 7) over the interval that ends there, FRD."""
+    """Return (n, 7) rows: time, rotation [rad] and velocity change [m/s] over the interval before the time, FRD."""
     interval_s = imu.intervals_s[:, None]
     return np.column_stack([imu.t_s, imu.gyro_radps * FLIP * interval_s, imu.accel_mps2 * FLIP * interval_s])
 
 
 def ours(recording: Recording, attitude: Attitude) -> Result:
-    """`eskf15`, one run with its trajectory."""
+    """Measure one run of `eskf15` with its trajectory."""
     model = Eskf15(ARW_DEG_PER_SQRT_H, VRW_MPS_PER_SQRT_H, use_velocity=False, position_sigma_m=SIGMA_M)
     run = partial(model.estimate_compiled, recording, attitude, NoAdaptation())
     run()
     seconds, estimate = timed(run, 5)
-    assert estimate is not None  # noqa: S101 - numba compiles it
-    assert recording.reference is not None  # noqa: S101 - the drive has one
+    assert estimate is not None  # noqa: S101 - eskf15 has compiled code
+    assert recording.reference is not None  # noqa: S101 - the drive has a reference
     t_s = recording.reference.t_s[estimate.index]
     error_m = rmse_m(recording, t_s, estimate.position_m)
     return Result("eskf15, compiled", seconds / len(recording.inertial.t_s) * 1e6, error_m)
 
 
 def kf_gins(recording: Recording, attitude: Attitude, source: Path | None) -> Result | str:
-    """The loop of KF-GINS, or why it cannot be timed."""
+    """Measure the loop of KF-GINS, or return the reason why this is impossible."""
     eigen = next((p for p in map(Path, ("/usr/include/eigen3", "/usr/local/include/eigen3")) if p.is_dir()), None)
     compiler = shutil.which("g++")
     if source is None or not (source / "src/kf-gins/gi_engine.cpp").is_file():
@@ -105,14 +107,14 @@ def kf_gins(recording: Recording, attitude: Attitude, source: Path | None) -> Re
         program = Path(name) / "loop"
         parts = [Path(__file__).with_name("kf_gins_loop.cpp"), *(source / "src/kf-gins").glob("*.cpp")]
         flags = ["-O3", "-march=native", "-DNDEBUG", "-std=c++17", f"-I{source / 'src'}", f"-I{eigen}"]
-        subprocess.run([compiler, *flags, *map(str, parts), "-o", str(program)], check=True)  # noqa: S603 - ours
+        subprocess.run([compiler, *flags, *map(str, parts), "-o", str(program)], check=True)  # noqa: S603 - fixed
         return _run_kf_gins(recording, attitude, program)
 
 
 def _run_kf_gins(recording: Recording, attitude: Attitude, program: Path) -> Result:
     position, origin = recording.position, recording.origin
     assert position is not None  # noqa: S101 - the drive has fixes
-    assert origin is not None  # noqa: S101 - and a place
+    assert origin is not None  # noqa: S101 - and an origin
     imu = imu_increments(recording.inertial)
     fixes = np.column_stack(
         [position.t_s, enu_to_geodetic(position.enu_m, origin), np.full((len(position.t_s), 3), SIGMA_M)]
@@ -124,14 +126,14 @@ def _run_kf_gins(recording: Recording, attitude: Attitude, program: Path) -> Res
     for name, numbers in files.items():
         np.ascontiguousarray(numbers).tofile(program.with_name(name))
     paths = [str(program.with_name(name)) for name in (*files, "out")]
-    finished = subprocess.run([str(program), *paths], check=True, capture_output=True, text=True)  # noqa: S603 - ours
+    finished = subprocess.run([str(program), *paths], check=True, capture_output=True, text=True)  # noqa: S603 - fixed
     out = np.fromfile(paths[-1]).reshape(-1, 4)
     enu_m = geodetic_to_enu(*np.degrees(out[:, 1:3]).T, out[:, 3], origin)
     return Result("KF-GINS, its loop", float(finished.stdout) / len(out) * 1e6, rmse_m(recording, out[:, 0], enu_m))
 
 
 def _options(attitude: Attitude, fixes: FloatArray) -> FloatArray:
-    """The numbers that kf_gins_loop.cpp asks for, of the first fix."""
+    """Return the options that kf_gins_loop.cpp reads, with the initial state at the first fix."""
     hour_s, degree = 3600.0, np.pi / 180.0
     roll, pitch, yaw = attitude.euler_rad[int(np.searchsorted(attitude.t_s, fixes[0, 0]))]
     sensors = GYRO_BIAS_DEG_PER_H * degree / hour_s, ACCEL_BIAS_MPS2, SCALE_PPM * 1e-6, SCALE_PPM * 1e-6
@@ -142,7 +144,7 @@ def _options(attitude: Attitude, fixes: FloatArray) -> FloatArray:
 
 
 def python_ins(recording: Recording, attitude: Attitude, seconds: float) -> Result | str:
-    """python-ins over a part of the drive, or why it cannot be timed."""
+    """Measure python-ins on a part of the drive, or return the reason why this is impossible."""
     try:
         import pandas as pd
         from pyins import filters, inertial_sensor, measurements, strapdown
@@ -150,7 +152,7 @@ def python_ins(recording: Recording, attitude: Attitude, seconds: float) -> Resu
         return "python-ins is not timed: it is not installed (pip install python-ins pandas)."
     position, origin = recording.position, recording.origin
     assert position is not None  # noqa: S101 - the drive has fixes
-    assert origin is not None  # noqa: S101 - and a place
+    assert origin is not None  # noqa: S101 - and an origin
     samples = imu_increments(recording.inertial)
     samples = samples[samples[:, 0] < seconds]
     columns = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
@@ -176,11 +178,11 @@ def python_ins(recording: Recording, attitude: Attitude, seconds: float) -> Resu
     path = result.trajectory
     enu_m = geodetic_to_enu(*path[names].to_numpy().T, origin)
     error_m = rmse_m(recording, path.index.to_numpy(), enu_m) if path.index[-1] > SETTLED_S else float("nan")
-    return Result(f"python-ins, {seconds:.0f} s of it", passed_s / len(rest) * 1e6, error_m)
+    return Result(f"python-ins, first {seconds:.0f} s", passed_s / len(rest) * 1e6, error_m)
 
 
 def print_drive(folder: Path, source: Path | None, seconds: float) -> None:
-    """Print a line for each."""
+    """Measure each program and print its line."""
     recording, attitude = drive(folder)
     base = ours(recording, attitude)
     for result in (base, kf_gins(recording, attitude, source), python_ins(recording, attitude, seconds)):
@@ -190,9 +192,11 @@ def print_drive(folder: Path, source: Path | None, seconds: float) -> None:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, help="the data of the drive")
-    parser.add_argument("--kf-gins", type=Path, help="a copy of KF-GINS's repository")
-    parser.add_argument("--python-ins-s", type=float, default=60.0, help="how much of the drive python-ins gets [s]")
+    parser.add_argument("folder", type=Path, help="folder with the data of the drive")
+    parser.add_argument("--kf-gins", type=Path, help="copy of the repository of KF-GINS")
+    parser.add_argument(
+        "--python-ins-s", type=float, default=60.0, help="duration of the part of the drive for python-ins [s]"
+    )
     asked = parser.parse_args()
     print_drive(asked.folder, asked.kf_gins, asked.python_ins_s)
 

@@ -1,7 +1,8 @@
-"""How often an audit over drives and tunings errs where nothing differs: `python benchmarks/drives_and_tunings.py`.
+"""Error rate of the statistics of an audit if all methods are equal: `python benchmarks/drives_and_tunings.py`.
 
-Log errors are drawn as the pilot of the audit found them: 108 methods, 16 tunings, 600 drives; between drives a skewed
-.46, between tunings .05 (median over methods; a tenth of them above .16), the rest .2.
+The simulated log errors of 108 methods, 16 tunings and 600 drives have the standard deviations of a pilot audit: 0.46
+between drives (skewed distribution), 0.05 between tunings (median over the methods; above 0.16 for a tenth of the
+methods), and 0.2 for the residual.
 """
 
 import argparse
@@ -16,7 +17,7 @@ METHODS, PLAINS, TUNINGS, DRIVES = 108, 4, 16, 600
 
 
 def null_audit(random: np.random.Generator, *, skewed: bool) -> Losses:
-    """Draw an audit in which no method differs from any plain filter."""
+    """Return a simulated audit in which no method differs from any plain filter."""
 
     def drawn(count: int, luck: object) -> np.ndarray:
         shape = (count, TUNINGS, 1)
@@ -33,23 +34,25 @@ def null_audit(random: np.random.Generator, *, skewed: bool) -> Losses:
 
 
 def says_something(losses: Losses) -> bool:
-    """Whether any statement is "better" or "worse"."""
+    """Return True if any verdict is "better" or "worse"."""
     said = statements(losses)
     each = (said.average, said.pick, *said.same_model_plain, *said.best_plain)
     return any(one.verdict in ("better", "worse") for one in each)
 
 
 def drives_alone_say_something(losses: Losses) -> bool:
-    """The same of Student's t over the drives, as if one tuning were all there is."""
+    """Return True if Student's t test over the drives, which ignores the tunings, finds any difference."""
     p = [stats.ttest_1samp(y.mean(axis=1), 0.0, axis=1).pvalue for y in comparisons(losses)[2:]]
     return bool(np.min(p) < LEVEL / 3 / (2 * METHODS))
 
 
 def main() -> None:
-    """Print how many audits err."""
+    """Print the number of audits with a false verdict."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--audits", type=int, default=300)
-    parser.add_argument("--resampled", type=int, default=300, help="of the first audit's rows")
+    parser.add_argument(
+        "--resampled", type=int, default=300, help="number of audits that are resampled from the first audit"
+    )
     chosen = parser.parse_args()
     for skewed in (False, True):
         random = np.random.default_rng(int(skewed))
@@ -59,8 +62,8 @@ def main() -> None:
             losses = null_audit(random, skewed=skewed) if number else first
             wrong += says_something(losses)
             alone += drives_alone_say_something(losses)
-        print(f"luck of the search {'skewed' if skewed else 'normal'}: {wrong} of {chosen.audits} audits err,")
-        print(f"  by Student's t over the drives {alone};", procedure_error(first, chosen.resampled), flush=True)
+        print(f"search results {'skewed' if skewed else 'normal'}: false verdict in {wrong} of {chosen.audits} audits,")
+        print(f"  with only the drives random in {alone};", procedure_error(first, chosen.resampled), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,15 +1,16 @@
-"""The speed of the engines: ratios to a plain filterpy loop, with the agreement beside each.
+"""Speed of the engines: ratios to a plain filterpy loop, and the agreement of the positions.
 
     python benchmarks/engines.py [--rounds 20] [--ours]
 
-Workload: filter jerk (9 states), 15 000 steps of 0.01 s, 1 500 updates of six rows with a full R that changes.
-In each round all of them run one after the other; a line has the median time that passed, and the median over the
-rounds of the ratio to the loop in the same round. Many runs of ours keep sums of errors and of NEES, no trajectories,
-and use all cores: their time is divided by their number, and is the mean of batches in a row, the first left out. As
-tuning and audits have them, with a diagonal R and errors alone, they stand apart: of 64 recordings, which come from
-memory, and 64 times of one, which stays in the cache. The other libraries (peers.py) are too slow for that: the
-smallest of two CPU times on one core against that of the loop. `pip install '.[bench]'` installs them; one that is not
-is named.
+Workload: the filter `jerk` (9 states), 15 000 steps of 0.01 s, and 1 500 updates of six rows with a full R that is
+different in each update. Each round times all entrants one after the other. A line contains the median elapsed time and
+the median over the rounds of the ratio to the plain loop in the same round. A single run of jerkbench stores its
+trajectory. A batch of runs stores only sums of errors and of the NEES, and uses all cores. The time of a batch is the
+mean of successive batches without the first, divided by the number of runs. Batches as in the tuning and in audits,
+which have a diagonal R and compute only errors, have separate lines: 64 recordings (read from memory), and one
+recording 64 times (read from the processor cache). The other libraries (peers.py) are slower, so their time is the
+smaller of two CPU times on one core, compared with the plain loop. `pip install '.[bench]'` installs the libraries. If
+a library is not installed, the script prints its name.
 """
 
 import argparse
@@ -35,20 +36,20 @@ from jerkbench.timeline import Measurements, Run, Timeline
 
 DT_S, STEPS, EVERY = 0.01, 15_000, 10
 COMPARED = 600
-"""Steps over which an adaptation that iterates is compared with plain Python, 10 ms an update."""
+"""Number of steps for the comparison of iterative adaptations with plain Python, which needs 10 ms for each update."""
 
 BATCHES = 10
-"""So many batches of many runs are made in a round."""
+"""Number of batches in a round."""
 
 ITERATED = (
     *("huber", "maximum_correntropy", "ssmkf", "student_t", "vbakf_pr"),
     *("cerkf_r", "maximum_correntropy_r", "ssmkf_r"),
 )
-"""Adaptations that weigh prior and measurement, or rows of the latter, again and again."""
+"""Adaptations that compute the weights of the prediction or of the measurement iteratively."""
 
 
 def workload(seed: int = 0, most: int = 10**9) -> Timeline:
-    """The timeline that all of them run, or so many steps of one, with a stamp of the reference at every step."""
+    """Return the timeline of the workload with at most ``most`` steps, and a reference at every step."""
     rng, steps = np.random.default_rng(seed), min(STEPS, most)
     m, n = steps // EVERY, steps + 1
     half = rng.normal(0.0, 0.01, (m, 6, 12))
@@ -72,7 +73,7 @@ def workload(seed: int = 0, most: int = 10**9) -> Timeline:
 
 
 def navigation_lines(timeline: Timeline, rounds: int, *, others: bool) -> list[Line | Absent]:
-    """The engines, without and with an adaptation, and (if wanted) the ``others``: libraries that are installed."""
+    """Measure the engines with and without an adaptation and, if ``others`` is true, the installed libraries."""
     model = plugins.create("filter", {"name": "jerk"})
     x, _ = filterpy_loop(timeline, model)
     loop = Entrant("plain filterpy loop", lambda: filterpy_loop(timeline, model), 1, 1, 0.0)
@@ -83,7 +84,7 @@ def navigation_lines(timeline: Timeline, rounds: int, *, others: bool) -> list[L
 
 
 def single_entrants(timeline: Timeline, model: Filter, x: FloatArray) -> list[Entrant]:
-    """One run that keeps its trajectory."""
+    """Return the entrants with a single run that stores its trajectory."""
     engine, reference, entrants = CompiledEngine(), FilterpyEngine(), []
     for name in ("none", "mtf", "sage_husa", *ITERATED):
         rule = plugins.create("adaptation", {"name": name})
@@ -98,13 +99,13 @@ def single_entrants(timeline: Timeline, model: Filter, x: FloatArray) -> list[En
 
 
 def many_entrants(model: Filter) -> list[Entrant]:
-    """Many runs side by side, as many as a sweep makes at once, without trajectories."""
+    """Return the entrants with a batch of runs without trajectories, as large as in a sweep."""
     engine, threads, entrants = CompiledEngine(), os.cpu_count() or 1, []
     block = [Run(timeline := workload(seed), scoring_of(timeline)) for seed in range(64)]
     for name in ("none", "mtf", "sage_husa", *ITERATED):
         rule = plugins.create("adaptation", {"name": name})
         run = partial(engine.run_settings, block, [model] * 64, [rule] * 64, updates=False, threads=threads)
-        one: Engine = engine if name in ITERATED else FilterpyEngine()  # of the former stands above what it is worth
+        one: Engine = engine if name in ITERATED else FilterpyEngine()  # compared in single_entrants
         (first, *_), wanted = run(), one.run(block[0].timeline, model, rule).position_m
         difference = abs(np.sqrt(first.position_m2.sum()) - np.sqrt((wanted**2).sum())) / np.sqrt(len(wanted))
         entrants.append(Entrant(f"{len(block)} runs, {threads} cores, {name}", run, BATCHES, len(block), difference))
@@ -112,7 +113,7 @@ def many_entrants(model: Filter) -> list[Entrant]:
 
 
 def error_entrants(model: Filter) -> list[Entrant]:
-    """Many runs of which errors alone are asked, with an R that has nothing between two rows."""
+    """Return the entrants with a batch of runs that computes only errors, with a diagonal R."""
     engine, threads, entrants = CompiledEngine(), os.cpu_count() or 1, []
     for name in ("none", "mtf", "huber_r", "sage_husa", "huber", "maximum_correntropy"):
         rule = plugins.create("adaptation", {"name": name})
@@ -129,21 +130,21 @@ def error_entrants(model: Filter) -> list[Entrant]:
 
 
 def uncorrelated(timeline: Timeline) -> Timeline:
-    """The same timeline with the diagonal of R alone."""
+    """Return the timeline with a diagonal R."""
     measured = timeline.measurements
     R = measured.R * np.eye(6)
     return replace(timeline, measurements=replace(measured, R=R, R_true=R))
 
 
 def scoring_of(timeline: Timeline, *, consistency: bool = True) -> ErrorWeights:
-    """Every stamp counts; the truth is zero."""
+    """Return weights that evaluate the errors at all times; the true values are zero."""
     k = len(timeline.t_s)
     ones, nothing = np.ones(k), np.zeros(0, dtype=np.int64)
     return ErrorWeights(np.zeros((k, 6)), ones, ones, ones, np.zeros(k), nothing, 0.0, consistency)
 
 
 def tilt_lines(rounds: int) -> list[Line]:
-    """The loop of the tilt filter, as it is and compiled."""
+    """Measure the loop of the tilt filter, uncompiled and compiled."""
     rng = np.random.default_rng(1)
     gyro = rng.normal(0.0, 0.1, (STEPS, 3))
     accel = np.array([0.0, 0.0, 9.81]) + rng.normal(0.0, 0.3, (STEPS, 3))
@@ -162,10 +163,10 @@ def tilt_lines(rounds: int) -> list[Line]:
 
 
 def main() -> None:
-    """Print the table."""
+    """Measure all entrants and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rounds", type=int, default=20, help="how often all of them are timed (default 20)")
-    parser.add_argument("--ours", action="store_true", help="leave the other libraries out")
+    parser.add_argument("--rounds", type=int, default=20, help="number of rounds (default 20)")
+    parser.add_argument("--ours", action="store_true", help="omit the other libraries")
     asked = parser.parse_args()
     print(f"{'':<34}{'time':>13}{'ratio':>11}{'difference':>12}")
     for line in [*navigation_lines(workload(), asked.rounds, others=not asked.ours), *tilt_lines(asked.rounds)]:

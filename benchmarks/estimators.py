@@ -1,15 +1,16 @@
-"""The speed of the estimators: the compiled way of each against its definition in NumPy.
+"""Speed of the estimators: the compiled code of each estimator compared with its NumPy code.
 
     python benchmarks/estimators.py [--rounds 5] [--runs 64] [--drive FOLDER [--kf-gins SOURCE]]
 
-Workload: a drive of `field` of 150 s, IMU at 100 Hz, fixes and velocities at 10 Hz, the reference at every sample,
-adaptation mtf. In each round all ways of an estimator run one after the other; a line has the median of the times that
-passed, and the median over the rounds of the ratio to NumPy in the same round. A single run begins with the recording
-and its attitude and keeps its trajectory; eskf15 keeps what does not depend on the adaptation for the next. Many runs
-keep sums of errors and share all cores; their recordings are prepared, and their time is divided by their number.
-Below stand the smallest CPU times, all threads together, and their ratios: what another user of the machine takes from
-a thread does not count there, and so what a second core brings does not either. With the data of the real drive eskf15
-stands beside KF-GINS and python-ins, too (drive.py).
+Workload: a drive of the data set `field` of 150 s with the adaptation `mtf`. The IMU has 100 Hz, the fixes and the
+velocities 10 Hz, and each IMU sample has a reference. Each round times all implementations of an estimator one after
+the other. A line contains the median elapsed time, and the median over the rounds of the ratio to NumPy in the same
+round. A single run starts with the recording and its attitude, and stores its trajectory. `eskf15` caches the data that
+do not depend on the adaptation. A batch of runs stores only sums of errors and uses all cores. The recordings of a
+batch are prepared before the measurement. The time of a batch is divided by its number of runs. The lines below contain
+the minimum CPU time of all threads together, and the ratio of the CPU times. The CPU time does not depend on other
+processes, but does not show the gain from a second core. With the data of the real drive, the script also compares
+`eskf15` with KF-GINS and python-ins (drive.py).
 """
 
 import argparse
@@ -32,11 +33,11 @@ from jerkbench.timeline import RecordedRun, build_timeline
 BURN_IN_S = 5.0
 DRIVE_OF_PYTHON_INS_S = 70.0
 SEEDS = 8
-"""Different recordings; many runs go round among them."""
+"""Number of different recordings, which the runs of a batch use in turn."""
 
 
 def recorded_runs() -> list[RecordedRun]:
-    """Different drives, with what their errors count for."""
+    """Return runs on different drives, with the weights of their errors."""
     runs = []
     for seed in range(SEEDS):
         recording = FieldWhite().load(seed)
@@ -49,7 +50,7 @@ def recorded_runs() -> list[RecordedRun]:
 
 
 def entrants(name: str, runs: list[RecordedRun], number: int) -> list[Entrant]:
-    """The ways of one estimator."""
+    """Return the implementations of one estimator."""
     model, (run, *_), threads = plugins.create("filter", {"name": name}), runs, os.cpu_count() or 1
     given = run.recording, run.attitude, Mtf()
     wanted = model.estimate(*given)
@@ -71,12 +72,12 @@ def entrants(name: str, runs: list[RecordedRun], number: int) -> list[Entrant]:
 
 
 def main() -> None:
-    """Print the table."""
+    """Measure all estimators and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rounds", type=int, default=5, help="how often all of them are timed (default 5)")
-    parser.add_argument("--runs", type=int, default=64, help="how many runs at once (default 64)")
-    parser.add_argument("--drive", type=Path, help="the data of the real drive, for drive.py")
-    parser.add_argument("--kf-gins", type=Path, help="a copy of KF-GINS's repository, likewise")
+    parser.add_argument("--rounds", type=int, default=5, help="number of rounds (default 5)")
+    parser.add_argument("--runs", type=int, default=64, help="number of runs in a batch (default 64)")
+    parser.add_argument("--drive", type=Path, help="folder with the data of the real drive, for drive.py")
+    parser.add_argument("--kf-gins", type=Path, help="copy of the repository of KF-GINS, for drive.py")
     asked, runs = parser.parse_args(), recorded_runs()
     print(f"{'':<34}{'time':>13}{'ratio':>11}{'difference':>12}")
     for name in ("eskf15", "imm", "rts"):
@@ -86,9 +87,9 @@ def main() -> None:
         base, _ = timed(ways[0].run, 2)
         for way in ways[1:]:
             seconds = timed(way.run, 3)[0] / way.runs
-            print(f"{'':<4}{'its CPU time':<30}{seconds * 1e3:>10.2f} ms{base / seconds:>9.1f} x")
+            print(f"{'':<4}{'CPU time':<30}{seconds * 1e3:>10.2f} ms{base / seconds:>9.1f} x")
     if asked.drive is None:
-        print("The real drive is not timed: --drive names no folder with its data.")
+        print("The real drive is not timed: --drive does not name a folder with its data.")
     else:
         print_drive(asked.drive, asked.kf_gins, DRIVE_OF_PYTHON_INS_S)
 

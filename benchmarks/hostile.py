@@ -1,6 +1,6 @@
-"""Hostile input, by the hundred: each is refused in a sentence, or survived; nothing ends in a traceback or in silence.
+"""Hundreds of hostile inputs. No command should end with a traceback or without a message, or hang.
 
-Each family of attacks is a function in `FAMILIES`; it yields one `Outcome` for each input.
+Each family of inputs is a function in `FAMILIES`, which yields an `Outcome` for each input.
 """
 
 import argparse
@@ -28,21 +28,21 @@ from command_lines import SHORT, CommandLines
 from jerkbench.cli import main as jerkbench
 
 SILENT_S = 20
-"""So long a command may say nothing, in seconds of the processor: others may use the machine as well."""
+"""Maximum CPU time without output [s]. CPU time does not depend on other processes."""
 MAX_CHORD_S = 180
-"""So long it may take, by the clock."""
+"""Maximum elapsed time of a command."""
 MEMORY_BYTES = 12 * 2**30
-"""Address space: an input that asks for more than there is must not take the machine with it."""
+"""Limit of the address space, so that an input that allocates too much memory does not stop the machine."""
 
 
 class Outcome(NamedTuple):
-    """What became of an input.
+    """Outcome of an input.
 
     Attributes:
-        tried: the input, to be repeated by hand.
-        kind: "refused" in words, "survived", or "broken".
-        why: of what is broken, the last words.
-        seconds: how long it took.
+        tried: the command line of the input.
+        kind: "refused" (error message), "survived" (exit code 0), or "broken".
+        why: end of the output if the kind is "broken".
+        seconds: elapsed time.
     """
 
     tried: str
@@ -52,11 +52,11 @@ class Outcome(NamedTuple):
 
 
 class Silence(BaseException):
-    """A command said nothing for too long, or did not end; no guard against plugins may catch it."""
+    """A command printed nothing for too long, or did not end. No `except Exception` catches this exception."""
 
 
 def attempt(words: Sequence[str], folder: Path, silent_s: float | None = None) -> Outcome:
-    """Run `jerkbench WORDS` in this process, in ``folder``; it may be silent for ``silent_s``, or `SILENT_S`."""
+    """Run `jerkbench WORDS` in this process in ``folder``, without output for at most ``silent_s`` or `SILENT_S`."""
     out, err = io.StringIO(), io.StringIO()
     began = monotonic()
     with (
@@ -81,7 +81,7 @@ def _ended(words: Sequence[str], err: io.StringIO) -> tuple[str, str]:
         return ("refused" if end.code else "survived"), ""
     except Silence as silence:
         return "broken", f"silent: {''.join(traceback.format_exception(silence)[-3:])}"
-    except BaseException as error:  # noqa: BLE001 - all of it would be a traceback
+    except BaseException as error:  # noqa: BLE001 - any exception would print a traceback
         return "broken", "".join(traceback.format_exception(error)[-3:])
     finally:
         sys.argv = before
@@ -90,7 +90,7 @@ def _ended(words: Sequence[str], err: io.StringIO) -> tuple[str, str]:
 
 @contextlib.contextmanager
 def _impatient(silent_s: float, *streams: io.StringIO) -> Iterator[None]:
-    """Raise `Silence` where nothing is said for ``silent_s``, or where it takes longer than `MAX_CHORD_S`."""
+    """Raise `Silence` after ``silent_s`` of CPU time without output, or after `MAX_CHORD_S` of elapsed time."""
     lengths = [0]
 
     def listen(*_: object) -> None:
@@ -114,24 +114,24 @@ def _impatient(silent_s: float, *streams: io.StringIO) -> Iterator[None]:
 
 
 def a_study(folder: Path) -> Path:
-    """Run a small sweep, which loads the libraries too; returns its folder."""
+    """Run a small sweep, which also imports the libraries, and return the folder of its study."""
     done = attempt(
         ["run", "-m", *SHORT, "filter=baseline,jerk", "adaptation=none,mtf", "study=whole"], folder, MAX_CHORD_S
     )
     if done.kind != "survived":
-        raise RuntimeError(f"the study for the verbs could not be made: {done.why}")
+        raise RuntimeError(f"the study for the commands could not be computed: {done.why}")
     return folder / "results" / "whole"
 
 
 def command_lines(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
-    """Random command lines from the tool's own grammar, two of `jerkbench run` for each of another verb."""
+    """Yield the outcomes of random command lines. Two thirds of the command lines start with `jerkbench run`."""
     lines = CommandLines(seed, a_study(folder))
     for number in range(count):
         yield attempt(lines.other() if number % 3 == 2 else lines.run(), folder)
 
 
 def closed_streams(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
-    """Yield what becomes of verbs whose streams are closed, full, or read by nobody; each in a process of its own."""
+    """Yield the outcomes of commands whose streams are closed, full or not read, each in a separate process."""
     study = shlex.quote(str(a_study(folder)))
     run = f"run {shlex.join(SHORT)}"
     asked = ("table {0}", "table {0} --findings", "cite {0}", "compare {0} {0}")
@@ -144,7 +144,7 @@ def closed_streams(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
 def _in_a_shell(command: str, folder: Path) -> Outcome:
     began = monotonic()
     try:
-        done = subprocess.run(  # noqa: S603 - our own words
+        done = subprocess.run(  # noqa: S603 - fixed
             ["/bin/sh", "-c", command], cwd=folder, capture_output=True, text=True, check=False, timeout=MAX_CHORD_S
         )
     except subprocess.TimeoutExpired:
@@ -156,8 +156,8 @@ def _in_a_shell(command: str, folder: Path) -> Outcome:
 
 
 def yaml_files(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
-    """Yield what becomes of presets that stand for more than a machine can hold, are too deep, or no YAML at all."""
-    rng = random.Random(seed)  # noqa: S311 - nothing is secret
+    """Yield the outcomes of presets that expand to more than the memory, are nested too deeply, or are invalid YAML."""
+    rng = random.Random(seed)  # noqa: S311 - not for cryptography
     for number in range(count):
         place = folder / f"presets-{number}" / "experiment"
         place.mkdir(parents=True)
@@ -167,14 +167,14 @@ def yaml_files(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
 
 
 READ_SILENT_S = 5
-"""So long the reading of a damaged recording may be silent."""
+"""Maximum CPU time without output for a damaged recording [s]."""
 SMOOTHED = 20
-"""Each so many-th damaged track is smoothed, and not only described."""
+"""One of `SMOOTHED` damaged tracks is smoothed. The other tracks are only inspected."""
 
 
 def tracks(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
-    """Yield what becomes of NMEA, GPX, gpsd's JSON and CSV with damaged fields."""
-    attempt(["data", "inspect", "field", "--set", "duration_s=9"], folder, MAX_CHORD_S)  # loads the libraries
+    """Yield the outcomes of NMEA, GPX, gpsd JSON and CSV files with damaged fields."""
+    attempt(["data", "inspect", "field", "--set", "duration_s=9"], folder, MAX_CHORD_S)  # imports the libraries
     for number in range(count):
         path = hostile_recordings.track(number, seed, folder)
         smooth = number % SMOOTHED == SMOOTHED - 1
@@ -183,18 +183,18 @@ def tracks(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
 
 
 def arrays(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
-    """Yield what becomes of HDF5 and MATLAB files with damaged arrays, links and bytes."""
+    """Yield the outcomes of HDF5 and MATLAB files with damaged arrays, links and bytes."""
     attempt(["data", "inspect", "field", "--set", "duration_s=9"], folder, MAX_CHORD_S)
     for number in range(count):
         yield attempt(hostile_recordings.arrays(number, seed, folder), folder, READ_SILENT_S)
 
 
 STREAMS = (">&-", "2>&-", "<&-", ">&- 2>&- <&-", ">/dev/full", "2>/dev/full", "| true", "2>&1 | head -c 1")
-"""What may stand behind a command."""
+"""Redirections of the streams of a command."""
 
 
 def chained(first: str, link: str) -> Callable[[int, int], str]:
-    """Return a text in which each of so many lines repeats the line before so often."""
+    """Return a function that returns ``deep`` lines of YAML, each of which refers ``wide`` times to the line before."""
 
     def text(deep: int, wide: int) -> str:
         lines = (link.format(k=k, all=",".join([f"*a{k - 1}"] * wide)) for k in range(1, deep))
@@ -217,7 +217,7 @@ BOMBS: tuple[Callable[[int, int], str], ...] = (
     lambda deep, _: "".join(f"study: a{k}\n" for k in range(deep)),
     lambda deep, _: f"study: !!python/object/apply:os.system [{deep}]\n",
 )
-"""Texts of a preset, by a depth and a width."""
+"""Functions that return the text of a preset for a depth and a width."""
 
 FAMILIES: dict[str, Callable[[int, int, Path], Iterator[Outcome]]] = {
     "command lines": command_lines,
@@ -226,25 +226,25 @@ FAMILIES: dict[str, Callable[[int, int, Path], Iterator[Outcome]]] = {
     "tracks": tracks,
     "arrays": arrays,
 }
-"""Each family: how many inputs, a seed, an empty folder -> what became of each."""
+"""Families of inputs: (number of inputs, seed, empty folder) -> outcomes."""
 
 
 def main() -> None:
-    """Try every family, and print what became of it."""
+    """Run the selected families and print their table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=500, help="inputs of each family")
+    parser.add_argument("--count", type=int, default=500, help="number of inputs in each family")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--family", choices=sorted(FAMILIES), action="append", help="default: all")
     chosen = parser.parse_args()
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     os.environ["HYDRA_FULL_ERROR"] = "1"
-    print("| family | inputs tried | refused | survived | broken | longest | memory |\n|---|---|---|---|---|---|---|")
+    print("| family | inputs | refused | exit code 0 | broken | longest time | memory |\n|---|---|---|---|---|---|---|")
     broken = [line for name in chosen.family or FAMILIES for line in _tried(name, chosen.count, chosen.seed)]
     raise SystemExit(1 if broken else 0)
 
 
 def _tried(name: str, count: int, seed: int) -> list[Outcome]:
-    """Try a family and print its row; returns what broke, each of which is printed as it happens."""
+    """Run a family, print its row, and return the broken outcomes. Each broken outcome is printed at once."""
     kinds: Counter[str] = Counter()
     broken, longest_s = [], 0.0
     with tempfile.TemporaryDirectory() as folder:

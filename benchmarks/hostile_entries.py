@@ -1,8 +1,8 @@
-"""Damaged and forged entries of a suite, given to `suite verify` and `suite board`: a sentence, never a traceback.
+"""Damaged and forged suite entries as input of `suite verify` and `suite board`, which should not print a traceback.
 
     python benchmarks/hostile_entries.py [DAMAGES]
 
-Each damage is done to a fresh copy of a small entry, beside a whole one; the board has to show the whole one always.
+Each damage is applied to a new copy of a small entry. An undamaged entry in the same folder must remain on the board.
 """
 
 import hashlib
@@ -27,7 +27,7 @@ from hostile_results import Rng, answered, changed_somewhere
 from jerkbench.campaign.entry import ENTRY_FILE, HASHED, PAGE, ROWS_FILE, SETTINGS
 
 PATIENCE_S = 60
-"""An answer that takes longer hangs."""
+"""A command that takes longer counts as hung."""
 
 CONTENTS = (
     b"",
@@ -42,14 +42,14 @@ CONTENTS = (
     b"a: &a [*a]",
     b"- {",
 )
-"""What may stand in a file instead."""
+"""Contents that replace the content of a file."""
 
 VALUES = (-1.0, 0.0, 1e308, 1e-308, float("inf"), -float("inf"), float("nan"), 3, True, "x", b"\xff", -1, 2**62)
-"""Values for rows."""
+"""Values that replace the values of rows."""
 
 
 class HangError(Exception):
-    """An answer took too long."""
+    """A command took too long."""
 
 
 def flipped_bytes(path: Path, rng: Rng) -> str:
@@ -62,21 +62,21 @@ def flipped_bytes(path: Path, rng: Rng) -> str:
 
 
 def cut(path: Path, rng: Rng) -> str:
-    """Cut a file."""
+    """Truncate a file."""
     content = path.read_bytes()
     path.write_bytes(content[: rng.integers(len(content))])
     return "cut"
 
 
 def other_content(path: Path, rng: Rng) -> str:
-    """Put something else into a file."""
+    """Replace the content of a file."""
     content = CONTENTS[rng.integers(len(CONTENTS))]
     path.write_bytes(content)
     return f"is {content[:20]!r}"
 
 
 def no_file(path: Path, rng: Rng) -> str:
-    """Put something that is no file in the place of one."""
+    """Delete a file, or replace it with a folder, a link or a pipe."""
     path.unlink()
     kinds: dict[str, Callable[[], object]] = {
         "gone": lambda: None,
@@ -91,7 +91,7 @@ def no_file(path: Path, rng: Rng) -> str:
 
 
 def forged(path: Path, rng: Rng) -> str:
-    """Change or delete one value at any depth, or a column; into the page put a line."""
+    """Change or delete one value at any depth, or one column of the rows, or add text to the page."""
     if path.name == ROWS_FILE:
         table = pq.read_table(path)
         table, what = forged_column(table, table.column_names[rng.integers(table.num_columns)], rng)
@@ -107,7 +107,7 @@ def forged(path: Path, rng: Rng) -> str:
 
 
 def forged_column(table: pa.Table, name: str, rng: Rng) -> tuple[pa.Table, str]:
-    """Return the rows with one column changed."""
+    """Return the rows with one changed column, and a description of the change."""
     place, rows = table.column_names.index(name), table.num_rows
     columns: dict[str, Callable[[], pa.Table]] = {
         "dropped": lambda: table.drop([name]),
@@ -126,17 +126,17 @@ def forged_column(table: pa.Table, name: str, rng: Rng) -> tuple[pa.Table, str]:
 
 
 def with_one(table: pa.Table, place: int, value: object) -> pa.Table:
-    """Return the rows with one value changed."""
+    """Return the rows with one changed value."""
     values = table.column(place).to_pylist()
     values[0] = value
     try:
         return table.set_column(place, table.column_names[place], pa.array(values))
-    except (pa.ArrowInvalid, pa.ArrowTypeError):  # of mixed types there is no column
+    except (pa.ArrowInvalid, pa.ArrowTypeError):  # a column cannot have mixed types
         return table.set_column(place, table.column_names[place], pa.array([value] * len(values)))
 
 
 def signed(path: Path, rng: Rng) -> str:
-    """Forge a file, and let the hashes of the manifest be those of the files again."""
+    """Forge a file, and update the hashes in the manifest."""
     what = forged(path, rng)
     manifest = path.parent / ENTRY_FILE
     content = json.loads(manifest.read_text())
@@ -148,17 +148,17 @@ def signed(path: Path, rng: Rng) -> str:
 
 KINDS = (flipped_bytes, cut, other_content, no_file, forged, signed)
 FILES = (ENTRY_FILE, SETTINGS, ROWS_FILE, ENTRY_FILE, SETTINGS, ROWS_FILE, PAGE)
-"""The page is damaged half as often: nothing is read from it."""
+"""The page is damaged half as often as the other files, because no command reads it."""
 
 
 def damage(entry: Path, number: int, rng: Rng) -> str:
-    """Do the damage of a number, kind by kind and file by file; returns what, in words."""
+    """Apply the damage with this number to a file of the entry, and return a description."""
     name = FILES[number // len(KINDS) % len(FILES)]
     return f"{name} {KINDS[number % len(KINDS)](entry / name, rng)}"
 
 
 def surroundings(made: Path, folder: Path) -> Path:
-    """Put a whole copy of an entry and one to damage into an empty folder; returns that."""
+    """Copy an entry twice into an empty folder, and return the folder of the copy that will be damaged."""
     shutil.rmtree(folder, ignore_errors=True)
     for name in ("damaged", "whole"):
         shutil.copytree(made, folder / name, ignore=shutil.ignore_patterns("runs"))
@@ -166,7 +166,7 @@ def surroundings(made: Path, folder: Path) -> Path:
 
 
 def words_for(entry: Path) -> dict[str, list[str]]:
-    """Return the command lines that read an entry, by verb."""
+    """Return the command lines that read an entry, by command."""
     return {
         "verify": ["suite", "verify", str(entry), "--rows", "3"],
         "board": ["suite", "board", str(entry.parent), "--rows", "0"],
@@ -174,12 +174,12 @@ def words_for(entry: Path) -> dict[str, list[str]]:
 
 
 def hang(_signal: int, _frame: FrameType | None) -> None:
-    """End an answer that takes too long; for SIGALRM."""
+    """Raise `HangError`. This function is the handler of SIGALRM."""
     raise HangError(f"no answer within {PATIENCE_S} s")
 
 
 def attack(damages: int, place: Path) -> None:
-    """Do so many damages, and print what became of each verb."""
+    """Apply ``damages`` damages, and print the endings of each command."""
     os.chdir(place)
     answered(["suite", "run", "filter=baseline", "adaptation=chi2", "--scale", "v2-tiny", "--workers", "1"])
     signal.signal(signal.SIGALRM, hang)
@@ -201,7 +201,7 @@ def attack(damages: int, place: Path) -> None:
                 print(f"no board after {what}: {printed[:300]}", flush=True)
     for verb, endings in counts.items():
         print(f"{verb}: {', '.join(f'{count} {ending}' for ending, count in endings.most_common())}")
-    print(f"the longest answer took {longest:.1f} s")
+    print(f"longest command: {longest:.1f} s")
 
 
 if __name__ == "__main__":

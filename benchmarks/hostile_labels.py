@@ -1,11 +1,12 @@
-r"""Texts of a stranger in each label of a stored study: nothing of them is active in any file that a verb writes.
+r"""Untrusted text in the labels of a stored study, which should not be active in any file that a command writes.
 
     python benchmarks/hostile_labels.py [LABELS]
 
-Each text (HTML, Markdown, LaTeX, formulas of spreadsheets, escapes of terminals, separators of lines, marks of
-direction, interpolations, paths) stands in one label of a cell, and in its notes and the manifest's; then verbs write
-every format. Active is: a tag, attribute, address or script of a page that the page of the study as it was has not; a
-tag, image or link of Markdown; a cell that begins like a formula; a control word of LaTeX; what steers a terminal.
+Each text is written into one label of a combination, into its notes and into the notes of the manifest. Examples of the
+texts are HTML, Markdown, LaTeX, spreadsheet formulas, terminal escapes, line separators, direction marks,
+interpolations and paths. Commands then write every format. The following content counts as active: a tag, attribute,
+address or script that the page of the original study does not contain; a tag, image or link of Markdown; a cell that
+starts like a formula; a control word of LaTeX; a character that controls a terminal.
 """
 
 import csv
@@ -33,10 +34,10 @@ from jerkbench.notices import is_plain
 from jerkbench.report.labels import Labels
 
 PATIENCE_S = 120
-"""An answer that takes longer hangs."""
+"""A command that takes longer counts as hung."""
 
-SECRET = "xyzzy"  # noqa: S105 - it opens nothing
-"""The value of an environment variable that no file may show."""
+SECRET = "xyzzy"  # noqa: S105 - not a password
+"""The value of an environment variable that no file may contain."""
 
 TEXTS = (
     "<script>alert(1)</script>", '"><img src=x onerror=alert(1)>', "<svg/onload=alert(1)>",
@@ -50,11 +51,11 @@ TEXTS = (
     "=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\t=1",
     "\x1b[2J\x1b]0;x\x07", "a\u2028b\u2029c", "\u202egnp.exe\u2066", "${oc.env:STRANGERS_SECRET}", "../../../outside",
 )  # fmt: skip
-"""37 texts: in each of six labels, 222 inputs."""
+"""37 texts. With six labels, this results in 222 inputs."""
 
 CHARACTERS = ("backslash", "asciitilde", "asciicircum", "less", "greater", "bar", "quotesingle", "quotedbl")
 ALLOWED = {f"text{name}" for name in CHARACTERS}
-"""Control words of LaTeX that stand for a character."""
+"""Control words of LaTeX that print a character."""
 
 TAGS = frozenset(
     {"script", "img", "iframe", "object", "embed", "base", "meta", "link", "form", "a", "style", "svg", "b"}
@@ -63,20 +64,20 @@ NUMBER = re.compile(r"[+-]?(\d|inf|nan|\.\d)|[+-]?$")
 
 
 class Active(HTMLParser):
-    """Collects what a page does: scripts, addresses, handlers, and tags that load something.
+    """Collects the active content of a page: scripts, addresses, handlers, and tags that load resources.
 
     Attributes:
-        found: how often each was seen.
+        found: number of occurrences of each kind of active content.
     """
 
     def __init__(self) -> None:
-        """Nothing was seen."""
+        """Initialise the counter."""
         super().__init__()
         self.found: Counter[str] = Counter()
         self._within = ""
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note a tag."""
+        """Count the active content of a tag."""
         self._within = tag
         self.found.update([tag] if tag in TAGS else [])
         for name, value in attrs:
@@ -86,21 +87,21 @@ class Active(HTMLParser):
                 self.found[f"{tag} {name}={value}"] += 1
 
     def handle_data(self, data: str) -> None:
-        """Note a script."""
+        """Count a script or a style."""
         if self._within in ("script", "style"):
             self.found[f"{self._within}: {len(data)} characters"] += 1
         self._within = ""
 
 
 def active_in(page: str) -> Counter[str]:
-    """Return what a page does."""
+    """Return the active content of a page."""
     parser = Active()
     parser.feed(page)
     return parser.found
 
 
 def html_faults(text: str, clean: str) -> list[str]:
-    """Return what the page does that the page of the study as it was does not: more numbers are no more handlers."""
+    """Return the active content of a page that the page of the original study does not contain, without scripts."""
     return [
         f"active: {what}" for what in set(active_in(text)) - set(active_in(clean)) if not what.startswith("script:")
     ]
@@ -112,7 +113,7 @@ def scripts_of(page: str) -> Counter[str]:
 
 
 def report_faults(text: str, clean: str) -> list[str]:
-    """Return what a report does, and any script or refresh more than before."""
+    """Return the additional active content of a report, including scripts and refreshes."""
     more = scripts_of(text) - scripts_of(clean)
     return [*html_faults(text, clean), *(f"one more: {what}" for what in more)]
 
@@ -123,20 +124,20 @@ def markdown_faults(text: str, _: str) -> list[str]:
 
 
 def csv_faults(text: str, _: str) -> list[str]:
-    """Return cells that begin like a formula."""
+    """Return the cells that start like a formula."""
     cells = (cell for line in csv.reader(io.StringIO(text)) for cell in line)
     return [f"formula: {cell!r}" for cell in cells if cell[:1] in tuple("=+-@\t\r") and not NUMBER.match(cell)]
 
 
 def latex_faults(text: str, clean: str) -> list[str]:
-    """Return control words that the table of the study as it was has not, and marks of mathematics."""
+    """Return the control words that the original table does not contain, and unescaped mathematics."""
     words = set(re.findall(r"\\([a-zA-Z]+)", text)) - set(re.findall(r"\\([a-zA-Z]+)", clean)) - ALLOWED
     loose = "^^" in text or text.replace(r"\$", "").count("$") % 2
     return [f"control word: {word}" for word in words] + (["loose $ or ^^"] if loose else [])
 
 
 def json_faults(text: str, _: str) -> list[str]:
-    """Return what is no JSON."""
+    """Raise an exception if the text is not valid JSON."""
     json.loads(text)
     return []
 
@@ -149,11 +150,11 @@ FORMATS: Mapping[str, tuple[list[str], Callable[[str, str], list[str]]]] = {
     "html": (["--format", "html"], html_faults),
     "json": (["--format", "json"], json_faults),
 }
-"""What `jerkbench table` writes, and a test of each."""
+"""Formats of `jerkbench table`: options, and a function that returns the active content of the text."""
 
 
 def injected(study: Path, text: str, place: int) -> None:
-    """Put the text into one label of the first cell, into its notes and into those of the manifest."""
+    """Write the text into one label and the notes of the first combination, and into the notes of the manifest."""
     path = min((study / "cells").glob("*.parquet"))
     table = with_text(pq.read_table(path), Labels._fields[place], text)
     key = table["cell.key"][0].as_py()
@@ -164,16 +165,16 @@ def injected(study: Path, text: str, place: int) -> None:
 
 
 class Files:
-    """What the verbs write of a study.
+    """The texts that the commands print or write for a study.
 
     Attributes:
-        texts: of each file, or of what a verb printed, the text.
-        endings: how each command ended.
-        longest_s: how long one took.
+        texts: text of each file and of each printed output.
+        endings: ending of each command.
+        longest_s: time of the longest command.
     """
 
     def __init__(self, study: Path, whole: Path) -> None:
-        """Ask every verb."""
+        """Run every command."""
         self.texts: dict[str, str] = {}
         self.endings: dict[str, str] = {}
         self.longest_s = 0.0
@@ -192,7 +193,7 @@ class Files:
             self.texts["names of files"] += f"{path.name} "
 
     def ask(self, name: str, words: list[str]) -> None:
-        """Ask one command."""
+        """Run one command and store its ending and its output."""
         began = time.perf_counter()
         signal.alarm(PATIENCE_S)
         try:
@@ -204,7 +205,7 @@ class Files:
 
 
 def faults_of(files: Files, clean: Files) -> list[str]:
-    """Return what is active in any of the files, and what ended in a traceback."""
+    """Return the active content of all files, and the commands that ended with a traceback."""
     found = [f"{name}: {ending}" for name, ending in files.endings.items() if ":" in ending or ending == "?"]
     for name, text in files.texts.items():
         before, kind = clean.texts.get(name, ""), name.removeprefix("table ")
@@ -213,16 +214,16 @@ def faults_of(files: Files, clean: Files) -> list[str]:
         test = report_faults if name.endswith(".html") else FORMATS.get(kind, FORMATS["terminal"])[1]
         if files.endings.get(name, "survived") != "refused":
             found += [f"{name}: {fault}" for fault in test(text, before)]
-        found += [f"{name}: steers"] if not is_plain(text) else []
-        found += [f"{name}: the secret"] if SECRET in text else []
+        found += [f"{name}: control characters"] if not is_plain(text) else []
+        found += [f"{name}: the value of the environment variable"] if SECRET in text else []
         found += [f"{name}: a traceback"] if "Traceback" in text else []
     return found
 
 
 def attack(count: int, place: Path) -> int:
-    """Try so many labels, and print what became of them; returns the number of faults."""
+    """Test ``count`` labels, print the faults, and return their number."""
     os.chdir(place)
-    os.sched_setaffinity(0, set(list(os.sched_getaffinity(0))[:1]))  # figures are drawn in this process
+    os.sched_setaffinity(0, set(list(os.sched_getaffinity(0))[:1]))  # draws the figures in this process
     os.environ["STRANGERS_SECRET"] = SECRET
     signal.signal(signal.SIGALRM, hang)
     answered(["run", "-m", *SWEEP, *QUIET])

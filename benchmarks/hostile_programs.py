@@ -1,9 +1,10 @@
-"""A stranger's results whose stored configuration names a program: none of the verbs that open them may run it.
+"""Untrusted results whose stored configuration contains a program, which no command may start without permission.
 
     python benchmarks/hostile_programs.py
 
-Each disguise is put on a fresh copy of a study with two cells, one of them a program's, or of a suite's entry; then
-twelve verbs open it. The program leaves a line in a file whenever it runs, and at the end it is asked for, and has to.
+Each disguise changes a new copy of a study with two combinations, one of which runs the program, or of a suite entry.
+Commands then open the copy. The program appends a line to a file whenever it runs. At the end, a command with the
+option `--run-programs` has to start the program.
 """
 
 import json
@@ -25,7 +26,7 @@ from jerkbench.campaign.entry import ENTRY_FILE, HASHED
 from jerkbench.campaign.stored_files import file_hashes
 
 PATIENCE_S = 120
-"""An answer that takes longer hangs."""
+"""A command that takes longer counts as hung."""
 
 PROGRAM = """#!/bin/sh
 echo ran >> "$(dirname "$0")/ran"
@@ -36,7 +37,7 @@ LABEL = "filter"
 
 
 def made(place: Path) -> tuple[Path, Path]:
-    """Run the program and the baseline as a study, and the program as an entry of a suite; returns their folders."""
+    """Compute a study with the program and `baseline`, and a suite entry with the program, and return both folders."""
     program = place / "stands"
     program.write_text(PROGRAM, encoding="utf-8")
     program.chmod(0o755)
@@ -48,15 +49,15 @@ def made(place: Path) -> tuple[Path, Path]:
 
 
 def program_part(study: Path) -> Path:
-    """Return the file of the program's cell."""
+    """Return the file with the combination of the program."""
     for path in sorted((study / "cells").glob("*.parquet")):
         if "command" in pq.read_table(path)["cell.spec.filter"][0].as_py():
             return path
-    raise FileNotFoundError(f"no cell of a program in {study}")
+    raise FileNotFoundError(f"{study} does not contain a combination with a program")
 
 
 def with_spec(part: str, change: Callable[[dict[str, object]], object]) -> Callable[[Path], None]:
-    """Return a disguise that changes a part of the specification of the program's cell, and signs it."""
+    """Return a disguise that changes a part of the specification of the program and updates the digest."""
 
     def disguise(study: Path) -> None:
         path = program_part(study)
@@ -68,31 +69,31 @@ def with_spec(part: str, change: Callable[[dict[str, object]], object]) -> Calla
 
 
 def with_text(table: pa.Table, name: str, text: str) -> pa.Table:
-    """Return the rows with one text in a column."""
+    """Return the rows with a column that contains only ``text``."""
     place = table.column_names.index(name)
     return table.set_column(place, name, pa.array([text] * table.num_rows).cast(table.schema.field(name).type))
 
 
 def relabelled(study: Path) -> None:
-    """Call the program's cell what another filter is called."""
+    """Label the combination of the program as another filter."""
     path = program_part(study)
     sign(path, with_text(pq.read_table(path), LABEL, "jerk"))
 
 
 def alone(study: Path) -> None:
-    """Leave the program's cell alone."""
+    """Delete all combinations except for the combination of the program."""
     path = program_part(study)
     for other in set((study / "cells").glob("*.parquet")) - {path}:
         other.unlink()
 
 
 def file_of(name: str, key: str) -> Callable[[dict[str, object]], object]:
-    """Return what reads a pipe into which nobody writes."""
+    """Return a specification that reads a pipe without a writer."""
     return lambda _: {"name": name, key: str(Path("pipe").absolute())}
 
 
 def pathless(study: Path) -> None:
-    """Say in the manifest that the study's own command is the program."""
+    """Replace the command of the study in the manifest with the program."""
     path = study / "manifest.json"
     content = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps(content | {"command": ["./stands", "x", "y"]}), encoding="utf-8")
@@ -117,7 +118,7 @@ DISGUISES: Mapping[str, Callable[[Path], None]] = {
 
 
 def study_words(study: Path, whole: Path) -> dict[str, list[str]]:
-    """Return the verbs that open a study."""
+    """Return the command lines that open a study."""
     folder = str(study)
     key = pq.read_table(program_or_any(study))["cell.key"][0].as_py()
     return {
@@ -134,7 +135,7 @@ def study_words(study: Path, whole: Path) -> dict[str, list[str]]:
 
 
 def program_or_any(study: Path) -> Path:
-    """Return the file of the program's cell, or where the disguise hides it, of the first."""
+    """Return the file with the combination of the program, or the first file if the disguise hides the program."""
     try:
         return program_part(study)
     except FileNotFoundError:
@@ -142,12 +143,12 @@ def program_or_any(study: Path) -> Path:
 
 
 def as_given(entry: Path) -> None:
-    """Leave the entry as it is."""
+    """Do not change the entry."""
     del entry
 
 
 def other_program(entry: Path) -> None:
-    """Name the program once more, with another file beside it, and sign that."""
+    """Change the command of the program, and update the hashes."""
     path = entry / ENTRY_FILE
     content = json.loads(path.read_text(encoding="utf-8"))
     content["method"]["filter"]["command"] = "./stands x y"
@@ -155,7 +156,7 @@ def other_program(entry: Path) -> None:
 
 
 def other_hashes(entry: Path) -> None:
-    """Let the hashes fit nothing."""
+    """Replace all hashes with wrong hashes."""
     path = entry / ENTRY_FILE
     content = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps(content | {"files": dict.fromkeys(HASHED, "0")}), encoding="utf-8")
@@ -169,7 +170,7 @@ ENTRY_DISGUISES: Mapping[str, Callable[[Path], None]] = {
 
 
 def entry_words(entry: Path) -> dict[str, list[str]]:
-    """Return the verbs that open an entry."""
+    """Return the command lines that open an entry."""
     return {
         "suite verify": ["suite", "verify", str(entry), "--rows", "3"],
         "suite board": ["suite", "board", str(entry.parent), "--rows", "3"],
@@ -177,27 +178,27 @@ def entry_words(entry: Path) -> dict[str, list[str]]:
 
 
 class Watch:
-    """Asks one command after the other, and counts what became of each, and how often the program ran.
+    """Runs commands, and counts their endings and the runs of the program.
 
     Attributes:
-        ran: the file in which the program leaves a line.
-        counts: of each verb how it ended.
-        faults: how many commands ran the program, hung or ended in a traceback.
-        longest_s: how long an answer took.
+        ran: the file to which the program appends a line.
+        counts: numbers of endings for each command.
+        faults: number of commands that started the program, hung or ended with a traceback.
+        longest_s: time of the longest command.
     """
 
     def __init__(self, place: Path) -> None:
-        """Nothing was asked."""
+        """Initialise the counters."""
         self.ran, self.longest_s = place / "ran", 0.0
         self.counts: dict[str, Counter[str]] = {}
         self.faults = 0
 
     def runs(self) -> int:
-        """Return how often the program has run."""
+        """Return the number of runs of the program."""
         return self.ran.read_text(encoding="utf-8").count("ran")
 
     def ask(self, verb: str, words: list[str], disguise: str) -> None:
-        """Ask one command."""
+        """Run one command and count its ending."""
         before, began = self.runs(), time.perf_counter()
         signal.alarm(PATIENCE_S)
         try:
@@ -213,9 +214,9 @@ class Watch:
 
 
 def attack(place: Path) -> int:
-    """Put on every disguise, ask every verb, and print what became of it; returns the number of faults."""
+    """Run every command on every disguise, print the endings, and return the number of faults."""
     os.chdir(place)
-    os.sched_setaffinity(0, set(list(os.sched_getaffinity(0))[:1]))  # figures are drawn in this process
+    os.sched_setaffinity(0, set(list(os.sched_getaffinity(0))[:1]))  # draws the figures in this process
     signal.signal(signal.SIGALRM, hang)
     study, entry = made(place)
     os.mkfifo("pipe")
@@ -234,13 +235,13 @@ def attack(place: Path) -> int:
     answered(["rerun", str(study), key, "--run-programs"])
     for verb, endings in watch.counts.items():
         print(f"{verb}: {', '.join(f'{count} {ending}' for ending, count in endings.most_common())}", flush=True)
-    print(f"faults: {watch.faults}; the longest answer took {watch.longest_s:.1f} s")
-    print(f"asked for, the program ran {watch.runs() - before} times")
+    print(f"faults: {watch.faults}; longest command: {watch.longest_s:.1f} s")
+    print(f"with --run-programs, the program ran {watch.runs() - before} times")
     return watch.faults
 
 
 def fresh(made_one: Path, copy: Path) -> None:
-    """Copy a folder into the place of the last."""
+    """Replace ``copy`` with a new copy of the folder."""
     shutil.rmtree(copy, ignore_errors=True)
     shutil.copytree(made_one, copy, ignore=shutil.ignore_patterns("runs"))
 

@@ -1,4 +1,4 @@
-"""Damaged recordings, field by field: tracks (NMEA, GPX, gpsd's JSON, CSV) and arrays (HDF5, MATLAB)."""
+"""Recordings with damaged fields: tracks (NMEA, GPX, gpsd JSON, CSV) and arrays (HDF5, MATLAB)."""
 
 import json
 import random
@@ -37,17 +37,17 @@ TEXTS = (
     *("9999-12-31T23:59:59Z", "0001-01-01T00:00:00+14:00", "2026-13-45T99:99:99Z", "1970-01-01", "2026-01-01T00:00:00"),
     *("000000", "999999", "311299", "235960.99", "4860.000", "-4807.038", "18000.1", "A", "V", "N", "W"),
 )
-"""What a field of text may become."""
+"""Texts that replace a field."""
 
 DEEP = '[{"a":' * 3000 + "1" + "}]" * 3000
 VALUES = (*map(json.dumps, TEXTS), "null", "true", "{}", "[]", '["x"]', "1e9", "-91", "361", "1e300", "9" * 401, DEEP)
 VALUES = (*VALUES, "NaN", "-Infinity", "{", "1 2", "")
-"""What a value of JSON may become; the last are no values."""
+"""Texts that replace a JSON value. The last texts are not valid JSON values."""
 
 
 def track(number: int, seed: int, folder: Path) -> Path:
-    """Write a track with a damaged field in one row, in some, or in all; returns its path."""
-    rng = random.Random(f"{seed} {number}")  # noqa: S311 - nothing is secret
+    """Write a track with a damaged field in some or all rows, and return its path."""
+    rng = random.Random(f"{seed} {number}")  # noqa: S311 - not for cryptography
     name, rows, fields, assemble, texts = rng.choice(FORMATS)
     damaged = [list(row) for row in rows]
     for _ in range(rng.choice((1, 1, 2, 5))):
@@ -129,10 +129,10 @@ FORMATS: tuple[tuple[str, list[list[str]], int, Callable[[Sequence[Sequence[str]
     (".json", GPSD_ROWS, len(GPSD_KEYS), _gpsd, VALUES),
     (".csv", TABLE_ROWS, len(TABLE_ROWS[0]), _csv, TEXTS),
 )
-"""Of each format: the ending, whole rows of fields, the number of fields, how they become a text, what damages them."""
+"""Formats: suffix, undamaged rows, number of fields, function that formats the rows, and texts that damage a field."""
 
 
-# Arrays: a trial of BROAD as HDF5, a table as MATLAB 5 and 7.3.
+# Arrays: a trial of the data set BROAD as HDF5, and a table as MATLAB 5 and 7.3.
 
 SHAPES = ((0,), (1,), (), (ROWS, 3), (3, ROWS), (2 * ROWS, 3), (ROWS, 65), (ROWS, 3, 1), (10**10, 3), (3 * 10**8, 3))
 NUMBERS = (0.0, np.nan, np.inf, -1e300, 1e9, 2.0**63, 91.0, 1e-320)
@@ -141,8 +141,8 @@ MAX_WRITTEN = 10**6
 
 
 def arrays(number: int, seed: int, folder: Path) -> list[str]:
-    """Write a file with one damaged array, link or byte into a folder; returns the words of the command."""
-    rng = random.Random(f"{seed} {number}")  # noqa: S311 - nothing is secret
+    """Write a file with a damaged array, link or byte, and return the arguments of the command that reads the file."""
+    rng = random.Random(f"{seed} {number}")  # noqa: S311 - not for cryptography
     place = folder / str(number)
     place.mkdir()
     still = np.tile([0.0, 0.0, 9.81], (ROWS, 1))

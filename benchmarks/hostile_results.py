@@ -1,8 +1,8 @@
-"""Damaged results of a study, which every verb is asked for: a sentence, never a traceback.
+"""Damaged results of a study as input of every command. No command should print a traceback.
 
     python benchmarks/hostile_results.py [DAMAGES]
 
-Each damage is done to a fresh copy of a small study; then each verb answers in this process.
+Each damage is applied to a new copy of a small study. Then each command runs in this process.
 """
 
 import contextlib
@@ -32,25 +32,25 @@ STRANGE = (
     "\x1b[2J", '"><img src=x onerror=alert(1)>',
     [], [1], ["x"], {}, {"cells": 3}, {"name": "nobody"}, [[[]]],
 )  # fmt: skip
-"""Values that do not belong where they are put."""
+"""Values that are invalid in most places."""
 NAMES = ('"><img src=x onerror=alert(1)>.parquet', "\x1b[2J.parquet", "x.parquet", "é.parquet", "-.parquet", ".parquet")
-"""File names that are no cell's key."""
+"""File names that are not a valid key."""
 
 
 def damage(study: Path, rng: Rng) -> str:
-    """Do one thing to the folder; returns what, in words."""
+    """Apply one random damage to the folder, and return a description."""
     act = ATTACKS[rng.integers(len(ATTACKS))]
     return f"{act.__name__} {act(study, rng)}"
 
 
 def chosen(study: Path, rng: Rng) -> Path:
-    """Return one of the cells' files."""
+    """Return a random file with results."""
     cells = sorted((study / "cells").iterdir())
     return cells[rng.integers(len(cells))]
 
 
 def any_file(study: Path, rng: Rng) -> Path:
-    """Return the manifest, or one of the cells' files."""
+    """Return the manifest or a random file with results."""
     return study / "manifest.json" if rng.uniform() < 0.5 else chosen(study, rng)
 
 
@@ -65,7 +65,7 @@ def flipped_bytes(study: Path, rng: Rng) -> str:
 
 
 def cut(study: Path, rng: Rng) -> str:
-    """Cut a file."""
+    """Truncate a file."""
     path = any_file(study, rng)
     content = path.read_bytes()
     path.write_bytes(content[: rng.integers(len(content))])
@@ -73,7 +73,7 @@ def cut(study: Path, rng: Rng) -> str:
 
 
 def other_content(study: Path, rng: Rng) -> str:
-    """Put something else into a file."""
+    """Replace the content of a file."""
     path = any_file(study, rng)
     choices = (
         b"",
@@ -92,7 +92,7 @@ def other_content(study: Path, rng: Rng) -> str:
 
 
 def no_file(study: Path, rng: Rng) -> str:
-    """Put something that is no file in the place of one."""
+    """Delete a file, or replace it with a folder, a link or a pipe."""
     path = any_file(study, rng)
     path.unlink()
     kinds: dict[str, Callable[[], Any]] = {
@@ -108,21 +108,21 @@ def no_file(study: Path, rng: Rng) -> str:
 
 
 def renamed(study: Path, rng: Rng) -> str:
-    """Rename or copy a cell's file to a name that is no key."""
+    """Rename or copy a file with results to a name that is not a valid key."""
     path, name = chosen(study, rng), NAMES[rng.integers(len(NAMES))]
     (path.rename if rng.uniform() < 0.5 else lambda to: shutil.copy(path, to))(path.with_name(name))
     return f"{path.name} {name!r}"
 
 
 def copied(study: Path, rng: Rng) -> str:
-    """Copy a cell's file to another key."""
+    """Copy a file with results to another key."""
     path = chosen(study, rng)
     shutil.copy(path, path.with_name("abc.parquet"))
     return path.name
 
 
 def changed_manifest(study: Path, rng: Rng) -> str:
-    """Change something in the manifest."""
+    """Change a random value in the manifest."""
     path = study / "manifest.json"
     content, what = changed_somewhere(json.loads(path.read_text()), rng)
     path.write_text(json.dumps(content))
@@ -130,14 +130,14 @@ def changed_manifest(study: Path, rng: Rng) -> str:
 
 
 def dropped_column(study: Path, rng: Rng) -> str:
-    """Leave out a column that every row has, and sign it."""
+    """Delete a required column, and update the digest of the file."""
     path, name = chosen(study, rng), sorted(REQUIRED_COLUMNS)[rng.integers(len(REQUIRED_COLUMNS))]
     sign(path, pq.read_table(path).drop([name]))
     return name
 
 
 def sign(path: Path, table: pa.Table) -> Path:
-    """Put a part with a digest that fits into the place of another; returns where."""
+    """Replace a file with the table under the correct digest, and return the new path."""
     content = content_of(table)
     path.unlink()
     signed = path.with_name(f"{part_name(content)}.parquet")
@@ -146,7 +146,7 @@ def sign(path: Path, table: pa.Table) -> Path:
 
 
 def changed_somewhere(content: Any, rng: Rng) -> tuple[Any, str]:  # noqa: ANN401 - any JSON
-    """Replace or delete one value at any depth."""
+    """Return the content with one replaced or deleted value at a random depth, and a description."""
     keys = list(content) if isinstance(content, dict) else range(len(content)) if isinstance(content, list) else []
     if not keys or rng.uniform() < 0.1:
         value = STRANGE[rng.integers(len(STRANGE))]
@@ -168,11 +168,11 @@ ATTACKS = (
 
 
 def words_for(study: Path, whole: Path) -> dict[str, list[str]]:
-    """Return the command lines that read a study, by verb.
+    """Return the command lines that read a study, by command.
 
     Args:
-        study: the study's folder.
-        whole: of one to compare it with.
+        study: folder of the study.
+        whole: folder of the undamaged study for `jerkbench compare`.
     """
     folder = str(study)
     key = next(iter(Store(study).keys_from("")), "0")
@@ -201,25 +201,25 @@ SWEEP = (
 QUIET = ("figures=false", "workers=1", "study=small")
 
 
-ENDINGS = {0: "survived", 1: "said a difference", 2: "refused", 3: "worse", NOT_COMPARABLE: "not comparable"}
-"""Exit codes in words."""
+ENDINGS = {0: "survived", 1: "difference", 2: "refused", 3: "worse", NOT_COMPARABLE: "not comparable"}
+"""Descriptions of the exit codes."""
 
 
 def answered(words: list[str]) -> tuple[str, str]:
-    """Run a command line in this process; returns how it ended, and what it printed."""
+    """Run a command line in this process, and return its ending and its output."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
         try:
             main(words)
         except SystemExit as ended:
             return ENDINGS.get(int(ended.code or 0), "?"), printed.getvalue()
-        except Exception as error:  # noqa: BLE001 - that is what is looked for
+        except Exception as error:  # noqa: BLE001 - any exception is a fault
             return f"{type(error).__name__}: {error}", printed.getvalue()
     return "survived", printed.getvalue()
 
 
 def attack(damages: int, place: Path) -> None:
-    """Do so many damages, and print what became of each verb."""
+    """Apply ``damages`` damages, and print the endings of each command."""
     study = place / "results" / "small"
     os.chdir(place)
     answered(["run", "-m", *SWEEP, *QUIET])
@@ -240,7 +240,7 @@ def attack(damages: int, place: Path) -> None:
                 print(f"{verb} after {what}: {ending}", flush=True)
     for verb, endings in counts.items():
         print(f"{verb}: {', '.join(f'{count} {ending}' for ending, count in endings.most_common())}")
-    print(f"the longest answer took {longest:.1f} s")
+    print(f"longest command: {longest:.1f} s")
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
-"""A sweep that is killed fifty times at random moments and resumed, against an undisturbed one.
+"""Comparison of sweeps that are killed at random moments and resumed with an undisturbed sweep.
 
     python benchmarks/kills.py [KILLS]
 
-A third of the kills come while it starts, at any moment; the others after it has stored something. A sweep that comes
-to its end is compared, to the bit, and the next begins in an empty folder.
+A third of the kills occur at a random moment within the first 4 s, the others after the sweep has stored a combination.
+The rows of each finished sweep are compared with the rows of the undisturbed sweep, to the bit. The next sweep starts
+in an empty folder.
 """
 
 import os
@@ -24,22 +25,22 @@ WORDS = ("run", "-m", *CELLS, "dataset.duration_s=60", "seeds=5", "workers=2", "
 def start(folder: Path) -> subprocess.Popen[bytes]:
     """Start the sweep in ``folder``."""
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    return subprocess.Popen([sys.executable, "-m", "jerkbench", *WORDS], cwd=folder, **quiet)  # noqa: S603 - our own words
+    return subprocess.Popen([sys.executable, "-m", "jerkbench", *WORDS], cwd=folder, **quiet)  # noqa: S603 - fixed
 
 
 def stored(folder: Path) -> int:
-    """How many cells there are."""
+    """Return the number of stored files."""
     return len(list((folder / "results" / "adhoc" / "cells").glob("*.parquet")))
 
 
 def rows(folder: Path) -> pd.DataFrame:
-    """The rows of the sweep, in an order of their own."""
+    """Return the sorted rows of the sweep."""
     table = pd.read_csv(folder / "results" / "adhoc" / "rows.csv")
     return table.sort_values(list(table.columns[:7]), ignore_index=True)
 
 
 def killed(folder: Path, rng: np.random.Generator) -> bool:
-    """Start the sweep and kill it at a random moment; False where it came to its end before."""
+    """Start the sweep and kill it at a random moment. Return False if the sweep finished before."""
     before, process = stored(folder), start(folder)
     if rng.uniform() > 1 / 3:
         while process.poll() is None and stored(folder) == before:
@@ -55,7 +56,7 @@ def killed(folder: Path, rng: np.random.Generator) -> bool:
 
 
 def main(kills: int) -> None:
-    """Kill so often, and say what came of it."""
+    """Kill sweeps ``kills`` times, compare the rows of the finished sweeps, and print the result."""
     rng = np.random.default_rng(1)
     with tempfile.TemporaryDirectory() as place:
         whole = Path(place) / "whole"
@@ -73,8 +74,8 @@ def main(kills: int) -> None:
             start(folder).wait()
             pd.testing.assert_frame_equal(rows(folder), expected, check_exact=True)
             print(f"sweep {sweeps}: {hits} kills so far", flush=True)
-    print(f"{hits} kills, {amid} of them between the first cell and the last, over {sweeps} sweeps")
-    print(f"each of the {len(expected)} rows is the same, to the bit")
+    print(f"{hits} kills, {amid} of them between the first and the last stored combination, in {sweeps} sweeps")
+    print(f"all {len(expected)} rows of each sweep are identical to the rows of the undisturbed sweep")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A line of the tables, and how its time is taken."""
+"""Lines of the tables, and the measurement of their times."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -15,10 +15,10 @@ class Line(NamedTuple):
     """One line of the table.
 
     Attributes:
-        name: what ran.
-        seconds: its time; of many at once: divided by their number.
-        ratio: how many times faster than what it is compared with.
-        difference: the largest difference of its results from that one's.
+        name: name of the entrant.
+        seconds: time of one run. The time of a batch is divided by its number of runs.
+        ratio: time of the first entrant divided by the time of this entrant.
+        difference: largest difference between the results of this entrant and of the reference implementation.
     """
 
     name: str
@@ -27,19 +27,20 @@ class Line(NamedTuple):
     difference: float
 
     def __str__(self) -> str:
-        """Name, time, ratio, agreement."""
+        """Return the name, the time, the ratio and the difference."""
         return f"{self.name:<34}{self.seconds * 1e3:>10.2f} ms{self.ratio:>9.1f} x{self.difference:>12.1e}"
 
 
 class Entrant(NamedTuple):
-    """What is timed.
+    """An implementation that is timed.
 
     Attributes:
-        name: what stands in the table.
-        run: runs it.
-        often: how often in a round. The median of these counts, because the first finds the caches full of others.
-        runs: how many runs it makes at once. Of more than one, the mean of all but the first counts, if there are
-            others: a sweep lasts, and a system may give a second core only to what lasts.
+        name: name in the table.
+        run: function that is timed.
+        often: number of repetitions in a round. The time is the median of the repetitions, because the caches contain
+            the data of other entrants at the first repetition.
+        runs: number of runs in a batch. If ``runs`` is greater than 1, the time is the mean of all repetitions except
+            for the first, as in a long sweep: the operating system may assign a second core only to a long task.
         difference: as in `Line`.
     """
 
@@ -51,24 +52,25 @@ class Entrant(NamedTuple):
 
 
 class Absent(NamedTuple):
-    """Stands in the table for a library that is not installed."""
+    """Line of the table for a library that is not installed."""
 
     name: str
     package: str
 
     def __str__(self) -> str:
-        """Name, and what to type."""
+        """Return the name and the command that installs the library."""
         return f"{self.name:<34}not installed: pip install {self.package}"
 
 
 def in_rounds(entrants: Sequence[Entrant], rounds: int) -> list[Line]:
-    """Time all ``entrants``, one after the other, ``rounds`` times; the first is what the others are compared with.
+    """Return the times of all entrants, and their ratios to the first entrant.
 
-    A line has the medians over the rounds of the time that passed and of the ratio to the first in the same round: so
-    the machine may be now fast, now slow, and nobody gains from it.
+    Each of the ``rounds`` times all entrants one after the other. A line contains the median elapsed time, and the
+    median over the rounds of the ratio in the same round. Therefore, a change in the speed of the machine between
+    rounds has the same effect on all entrants.
     """
     for entrant in entrants:
-        entrant.run()  # nothing is compiled in between
+        entrant.run()  # compiles before the first measurement
     seconds = np.array([[_elapsed(entrant) for entrant in entrants] for _ in range(rounds)])
     ratios = np.median(seconds[:, :1] / seconds, axis=0)
     return [
@@ -87,7 +89,7 @@ def _elapsed(entrant: Entrant) -> float:
 
 
 def timed(run: Callable[[], T], repeats: int) -> tuple[float, T]:
-    """Return the smallest CPU time of ``run`` [s], and what it returned the last time."""
+    """Return the minimum CPU time of ``run`` [s] over the repeats, and the result of the last repeat."""
     times = []
     for _ in range(repeats):
         begin = time.process_time()
@@ -97,5 +99,5 @@ def timed(run: Callable[[], T], repeats: int) -> tuple[float, T]:
 
 
 def apart(got: FloatArray, wanted: FloatArray) -> float:
-    """Return the largest difference."""
+    """Return the largest absolute difference."""
     return float(np.abs(got - wanted).max())

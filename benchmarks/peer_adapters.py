@@ -1,6 +1,7 @@
-"""Libraries without compilation: (timeline, model, runs) -> what runs so many at once and returns their positions [m].
+"""Functions (timeline, model, runs) -> function that returns the positions [m] of a batch, for simdkalman and torch-kf.
 
-The steps are all nominal, as in the workload of engines.py. Run r reads input and measurement number i + r for i.
+All steps have the nominal length, as in the workload of engines.py. Run r uses input and measurement i + r as its input
+and measurement i.
 """
 
 from collections.abc import Callable
@@ -17,7 +18,7 @@ Run = Callable[[], FloatArray]
 
 
 def simdkalman_runs(timeline: Timeline, model: Filter, runs: int) -> Run:
-    """The primitives of simdkalman, which take a stack of states."""
+    """Return a batch that uses the primitives of simdkalman, which accept a stack of states."""
     from simdkalman.primitives import predict, update
 
     F, _, Q = full_model(timeline, model)
@@ -33,9 +34,9 @@ def simdkalman_runs(timeline: Timeline, model: Filter, runs: int) -> Run:
 
 
 def torch_kf_runs(timeline: Timeline, model: Filter, runs: int) -> Run:
-    """torch-kf in double precision on the CPU, with the covariance update that it takes by itself, on one thread.
+    """Return a batch that uses torch-kf in double precision on one CPU thread, with its default covariance update.
 
-    Several threads wait for each other in a loop, which counts as CPU time.
+    Several threads would wait for each other in busy loops, and busy loops increase the CPU time.
     """
     import torch
     from torch_kf import GaussianState, KalmanFilter
@@ -48,7 +49,7 @@ def torch_kf_runs(timeline: Timeline, model: Filter, runs: int) -> Run:
         after = kf.predict(GaussianState(*state))
         return after.mean, after.covariance
 
-    def update(state: tuple[Any, Any], z: Any, R: Any) -> tuple[Any, Any]:  # noqa: ANN401 - a library without types
+    def update(state: tuple[Any, Any], z: Any, R: Any) -> tuple[Any, Any]:  # noqa: ANN401 - the library has no types
         after = kf.update(GaussianState(*state), z, measurement_noise=R)
         return after.mean, after.covariance
 
@@ -63,11 +64,11 @@ def step_by_step(
     predict: Callable[..., tuple[Any, Any]],
     update: Callable[..., tuple[Any, Any]],
 ) -> Run:
-    """A loop over the steps for libraries whose prediction takes no input: B u is added after it."""
+    """Return a loop over the steps for libraries without an input. B u is added after the prediction."""
     m0, P0 = (array(np.repeat(first[None], runs, axis=0)) for first in start(timeline, model))
     B, given = array(full_model(timeline, model)[1]), timeline.measurements
     u, z, R = (array(onward(rows, runs)) for rows in (timeline.accel_enu_mps2, given.z, given.R))
-    np.empty(30_000_000, np.uint8)  # once it is freed, glibc keeps memory; unmapping at each step costs 70 % more
+    np.empty(30_000_000, np.uint8)  # prevents that glibc unmaps memory in each step (70 % slower)
     steps = list(zip(timeline.dt_s.tolist(), timeline.sample.tolist(), timeline.update.tolist(), strict=True))
 
     def run() -> FloatArray:
@@ -85,5 +86,5 @@ def step_by_step(
 
 
 def onward(rows: FloatArray, runs: int) -> FloatArray:
-    """Return the rows with as many of the first ones again behind the last as the latest run needs."""
+    """Return the rows, followed by as many of the first rows as the last run needs."""
     return np.resize(rows, (len(rows) + runs, *rows.shape[1:]))

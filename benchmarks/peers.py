@@ -1,8 +1,8 @@
-"""The same workload by other libraries, one run and many at once: each as its own documentation would have it.
+"""The workload of engines.py in other libraries, as one run and as a batch, each used as its documentation recommends.
 
-Run r of many takes the inputs and the measurements from their r-th on (and the first again after the last), so that all
-runs differ, and with them their covariances, and nothing large need be kept. What a library asks of the arrays (its own
-type, a row of R for every step), and compiling, is done before the time is taken.
+Run r of a batch uses the inputs and measurements from number r on, followed by the first r inputs and measurements.
+Therefore all runs and their covariances are different, and no large arrays are stored. The conversion of the arrays to
+the format of a library and the compilation are not timed.
 """
 
 from collections.abc import Callable
@@ -23,14 +23,14 @@ from jerkbench.timeline import Timeline
 
 
 class Peer(NamedTuple):
-    """A library, used in one way.
+    """A function of a library.
 
     Attributes:
-        name: what stands in the table.
-        package: its name on PyPI.
-        module: what is imported.
-        runs: (timeline, model, how many) -> what runs that many at once and returns their positions (runs, n, 3) [m].
-        many: how many at once; more were not faster, or too slow to wait for.
+        name: name in the table.
+        package: name of the library on PyPI.
+        module: name of the module.
+        runs: (timeline, model, runs) -> function that returns the positions (runs, n, 3) [m] of a batch.
+        many: number of runs in a batch. Larger batches were not faster, or took too long.
     """
 
     name: str
@@ -49,7 +49,7 @@ PEERS = (
 
 
 def peer_lines(timeline: Timeline, x: FloatArray, base: float, repeats: int) -> list[Line | Absent]:
-    """Two lines a library that is installed: one run, and many at once."""
+    """Return two lines for each installed library: one run, and a batch."""
     model = plugins.create("filter", {"name": "jerk"})
     lines: list[Line | Absent] = []
     for peer in PEERS:
@@ -61,18 +61,18 @@ def peer_lines(timeline: Timeline, x: FloatArray, base: float, repeats: int) -> 
         seconds, position_m = timed(peer.runs(timeline, model, peer.many), repeats)
         difference = farthest(position_m, timeline, model)
         each = seconds / peer.many
-        lines.append(Line(f"{peer.name}, {peer.many} at once", each, base / each, difference))
+        lines.append(Line(f"{peer.name}, batch of {peer.many}", each, base / each, difference))
     return lines
 
 
 def farthest(position_m: FloatArray, timeline: Timeline, model: Filter) -> float:
-    """Return the largest difference of the first and of the last of many runs from the plain loop."""
+    """Return the largest difference between the plain loop and the first and last run of a batch."""
     last = len(position_m) - 1
     return max(apart(position_m[r], filterpy_loop(later(timeline, r), model)[0][:, :3]) for r in {0, last})
 
 
 def later(timeline: Timeline, shift: int) -> Timeline:
-    """Run number ``shift``: inputs and measurements from that one on."""
+    """Return the timeline of run number ``shift``, which starts with input and measurement number ``shift``."""
     given = timeline.measurements
     z, R = np.roll(given.z, -shift, axis=0), np.roll(given.R, -shift, axis=0)
     accel = np.roll(timeline.accel_enu_mps2, -shift, axis=0)

@@ -1,4 +1,4 @@
-"""The same filter as anybody would write it with a library: what the engines are compared with."""
+"""A plain loop with filterpy, with which the engines are compared."""
 
 from collections.abc import Callable
 from typing import Any
@@ -13,7 +13,7 @@ Loop = Callable[[Timeline, Filter], tuple[FloatArray, FloatArray]]
 
 
 def filterpy_loop(timeline: Timeline, model: Filter) -> tuple[FloatArray, FloatArray]:
-    """A plain loop over filterpy's KalmanFilter; returns the states and the diagonals of P, (n, 9) each."""
+    """Run a plain loop over filterpy's KalmanFilter, and return the states and the diagonals of P, (n, 9) each."""
     kf = _filterpy_filter(timeline, model)
     steps = zip(timeline.dt_s.tolist(), timeline.sample.tolist(), timeline.update.tolist(), strict=True)
     u, z, R = timeline.accel_enu_mps2[:, :, None], timeline.measurements.z[:, :, None], timeline.measurements.R
@@ -29,13 +29,13 @@ def filterpy_loop(timeline: Timeline, model: Filter) -> tuple[FloatArray, FloatA
 
 
 def full_model(timeline: Timeline, model: Filter) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """F, B, Q of the nominal step on three axes."""
+    """Return F, B and Q of the nominal step for three axes."""
     A, b, Q = model.axis_model(timeline.dt0_s, timeline.dt0_s)
     return np.kron(A, np.eye(3)), np.kron(b[:, None], np.eye(3)), np.kron(Q, np.eye(3))
 
 
 def start(timeline: Timeline, model: Filter) -> tuple[FloatArray, FloatArray]:
-    """Initial state and covariance of all states."""
+    """Return the initial state and its covariance."""
     extra = np.repeat(model.initial_variances(), 3)
     x, P = np.concatenate([timeline.x0, np.zeros(len(extra))]), np.diag(np.concatenate([np.zeros(6), extra]))
     P[:6, :6] = timeline.P0

@@ -1,9 +1,10 @@
-"""The cost of thousands of cells besides their runs: planning, storing, looking up, the tables; and the memory of it.
+"""CPU time and memory of sweeps with thousands of combinations, without the runs: planning, storing, reading, tables.
 
     python benchmarks/scale.py [--cells 10000] [--seeds 4]
 
-The plan is a real one; the rows are made up, with as many metrics as a run has. Each line is a stage, its CPU time
-(user and system, of this process), what that is for each cell, and the most memory that the process has had so far.
+The plan is a real plan. The rows are synthetic and have the metrics of a real run. Each line contains a stage, the CPU
+time of this process (user and system), the CPU time per combination, and the peak memory of the process up to this
+stage.
 """
 
 import argparse
@@ -31,21 +32,21 @@ from jerkbench.report.terminal import print_beginning
 
 FILTERS, ADAPTATIONS = ("jerk", "baseline"), ("none", "mtf", "huber", "sage_husa")
 BUNDLE = 64
-"""Cells of a part."""
+"""Number of combinations in a stored part."""
 
 
-def tell(stage: str, cells: int, work: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever the work gives
-    """Print what ``work`` costs; returns its result."""
+def tell(stage: str, cells: int, work: Callable[[], Any]) -> Any:  # noqa: ANN401 - any result
+    """Print the CPU time and the peak memory of ``work``, and return its result."""
     begin = time.process_time()
     result = work()
     seconds = time.process_time() - begin
     peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024 if sys.platform != "darwin" else 1024**2)
-    print(f"{stage:<44}{seconds:>9.2f} s{seconds / cells * 1e3:>9.3f} ms a cell{peak_mib:>9.0f} MiB", flush=True)
+    print(f"{stage:<44}{seconds:>9.2f} s{seconds / cells * 1e3:>9.3f} ms each{peak_mib:>9.0f} MiB", flush=True)
     return result
 
 
 def plan_of(cells: int, seeds: int) -> Plan:
-    """Plan so many cells: filters and adaptations over many values of the noise."""
+    """Return a plan with combinations of filters, adaptations and values of `noise.accel_mps2`."""
     names = {"attitude": "tilt", "engine": "compiled"}
     values = range(-(-cells // (len(FILTERS) * len(ADAPTATIONS))))
     made = []
@@ -64,7 +65,7 @@ def plan_of(cells: int, seeds: int) -> Plan:
 
 
 def blocks(plan: Plan) -> Iterator[RowBlock]:
-    """Made-up rows: those of one run, with every number a little off."""
+    """Yield synthetic rows: the rows of one run, with each metric multiplied by a random factor."""
     (model,), notes = job_rows(plan.jobs[0], [0])
     metrics = {name: value for name, value in model.items() if isinstance(value, float)}
     rng, made_by = np.random.default_rng(1), origin()
@@ -78,7 +79,7 @@ def blocks(plan: Plan) -> Iterator[RowBlock]:
 
 
 def store_all(plan: Plan, store: Store) -> None:
-    """Store the rows in parts of `BUNDLE` cells."""
+    """Store the rows in parts of `BUNDLE` combinations."""
     held: list[RowBlock] = []
     for block in blocks(plan):
         held.append(block)
@@ -90,7 +91,7 @@ def store_all(plan: Plan, store: Store) -> None:
 
 
 def main() -> None:
-    """Print the table."""
+    """Measure all stages and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cells", type=int, default=10_000)
     parser.add_argument("--seeds", type=int, default=4)
@@ -99,7 +100,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as place:
         store = Store(Path(place))
         plan = tell("planned", n, lambda: plan_of(n, chosen.seeds))
-        tell("made up and stored", n, lambda: store_all(plan, store))
+        tell("generated and stored", n, lambda: store_all(plan, store))
         tell("looked up", n, lambda: store.known(plan.draws))
         tell("looked up again", n, lambda: store.known(plan.draws))
         tell("parts joined", n, store.compact)

@@ -1,10 +1,11 @@
-"""Coverage, false sentences and power of the statistics, by simulation: every truth is known.
+"""Coverage, false verdicts and power of the statistics, in simulations with known truth.
 
-Log errors of three methods over seeds that they share: what is common to a seed (sigma 0.3) and what is a method's own
-(sigma 0.1, but for lock-outs), of the distributions of `OWN`. All means are equal, so any "better" is a false one. Each
-table draws from a stream of its own. At the end stands what is out of bounds by more than two standard errors: 93 to
-97 % of a cell's intervals hold the truth, at most 5 % of studies say something false, at least 80 % of comparisons are
-decided with the seeds that were named.
+The log errors of three methods over common seeds are the sum of a common effect of the seed (standard deviation 0.3)
+and an effect of the method (standard deviation about 0.1) with a distribution of `OWN`. All means are equal, so any
+verdict "better" is false. Each table uses a separate stream of random numbers. At the end, the script prints the values
+that miss their target by more than two standard errors. The targets are a coverage of 93 to 97 % for the interval of a
+cell, false verdicts in at most 5 % of the studies, and a decision in at least 80 % of comparisons with the stated
+number of seeds.
 
 ``python benchmarks/statistics.py [--studies 150] [--only power]``
 """
@@ -45,34 +46,34 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 SEEDS = (3, 5, 6, 10, 20, 50)
 ENOUGH_FOR_EQUAL = (99, 150, 300)
-"""Of fewer no margin of 3 % excludes losses."""
+"""Numbers of seeds for the verdict "equal". Fewer seeds cannot exclude that 3 % of the runs fail."""
 
 FAMILY = 10
-"""Comparisons of a study in which seeds are named."""
+"""Number of comparisons of a study in the simulation of the required seeds."""
 
 SCENARIOS = (1, 10, 60)
 SIGMA, COMMON = 0.1, 0.3
 FACTOR = 50.0
 SKEW = 0.5
-"""Sigma of the lognormal that the log errors follow: skewness 1.75."""
+"""Parameter sigma of the lognormal distribution of the log errors. The skewness is 1.75."""
 
 Draw = Callable[[np.random.Generator, tuple[int, ...]], Array]
 Interval = Callable[[Array, float], tuple[Array, Array]]
 
 
 def normal(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    """Errors themselves normal, their sigma a tenth of their mean."""
+    """Return the logarithms of normal errors with a standard deviation of a tenth of the mean."""
     z = np.maximum(1 + SIGMA * rng.standard_normal(shape), 0.01)
     return np.log(z)
 
 
 def lognormal(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    """Errors lognormal."""
+    """Return the logarithms of lognormal errors."""
     return SIGMA * rng.standard_normal(shape)
 
 
 def skewed(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    """Log errors lognormal about their mean, those of the first method upwards, of the last downwards."""
+    """Return lognormal log errors with mean 0, with opposite skewness for the first and the last method."""
     z = SIGMA * (np.exp(SKEW * rng.standard_normal(shape)) - np.exp(SKEW**2 / 2))
     if len(shape) > 2:
         z[:, 1] = SIGMA * rng.standard_normal(z[:, 1].shape)
@@ -81,17 +82,17 @@ def skewed(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
 
 
 def t3(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    """Log errors of Student's t with 3 degrees of freedom."""
+    """Return log errors with Student's t distribution with 3 degrees of freedom."""
     return SIGMA * rng.standard_t(3, shape)
 
 
 def lock_outs(rng: np.random.Generator, shape: tuple[int, ...], share: float = 0.1) -> Array:
-    """A share of the runs, of each method its own, fifty times as wrong."""
+    """Return log errors, with 50 times the error in a random fraction of the runs of each method."""
     return SIGMA * rng.standard_normal(shape) + np.log(FACTOR) * (rng.random(shape) < share)
 
 
 def lost(rng: np.random.Generator, shape: tuple[int, ...], share: float = 0.1) -> Array:
-    """A share of the runs, of each method its own, lost."""
+    """Return log errors, with infinite errors (failed runs) in a random fraction of the runs of each method."""
     return np.where(rng.random(shape) < share, np.inf, SIGMA * rng.standard_normal(shape))
 
 
@@ -100,10 +101,10 @@ OWN: dict[str, Draw] = {
     "lognormal": lognormal,
     "skewed": skewed,
     "t3": t3,
-    "3 % lock-outs": partial(lock_outs, share=0.03),
-    "10 % lock-outs": lock_outs,
-    "3 % lost": partial(lost, share=0.03),
-    "10 % lost": lost,
+    "3 % x 50": partial(lock_outs, share=0.03),
+    "10 % x 50": lock_outs,
+    "3 % failed": partial(lost, share=0.03),
+    "10 % failed": lost,
 }
 
 
@@ -114,14 +115,14 @@ def line(*cells: object) -> None:
 
 @dataclass(frozen=True)
 class Table:
-    """A printed table of shares, which remembers those outside its bounds.
+    """A printed table of fractions, which stores the fractions outside its bounds.
 
     Attributes:
-        title: what is counted.
-        first: what the first column has.
-        columns: heads of the others.
-        bounds: lowest and highest share that is right [%].
-        outside: filled with a sentence for each share that is not, by more than two standard errors.
+        title: title of the table.
+        first: header of the first column.
+        columns: headers of the other columns.
+        bounds: target range of the fractions [%].
+        outside: descriptions of the fractions that miss the target by more than two standard errors.
     """
 
     title: str
@@ -131,13 +132,13 @@ class Table:
     outside: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Print title and head."""
+        """Print the title and the header."""
         print(f"\n## {self.title}\n")
         line(self.first, *self.columns)
         line(*["---"] * (1 + len(self.columns)))
 
     def add(self, name: str, hits: Iterable[Sequence[bool]]) -> None:
-        """Print the share of ``hits`` of each column."""
+        """Print a row with the fraction of ``hits`` in each column."""
         shares = [_Share(np.asarray(of, dtype=float)) for of in hits]
         line(name, *shares)
         low, high = self.bounds
@@ -154,12 +155,12 @@ class _Share:
 
     @property
     def percent(self) -> float:
-        """NaN of nothing, which is outside no bounds."""
+        """The fraction in percent. NaN without any cases, which is never outside the bounds."""
         return float(100 * self.hits.mean()) if len(self.hits) else np.nan
 
     @property
     def error(self) -> float:
-        """Its standard error, with one more hit and miss."""
+        """The standard error in percent, with one additional hit and one additional miss."""
         n = len(self.hits) + 2
         share = (self.hits.sum() + 1) / n
         return float(100 * np.sqrt(share * (1 - share) / n))
@@ -169,26 +170,26 @@ class _Share:
 
 
 COVERED, FALSE, POWER = (93.0, 97.0), (0.0, 5.0), (80.0, 100.0)
-"""Bounds [%]."""
+"""Targets [%]."""
 
 
 def cells(rng: np.random.Generator, studies: int) -> list[Table]:
-    """The interval that a cell shows: of the median, of few seeds of the geometric mean; and that of a share."""
+    """Coverage of the interval of a cell (median, or geometric mean with few seeds) and of the failure rate."""
     samples = 20 * studies
-    table = Table("Coverage of the 95 % interval that a cell shows [%]", "errors, seeds", SEEDS, COVERED)
+    table = Table("Coverage of the 95 % interval of a cell [%]", "errors, seeds", SEEDS, COVERED)
     for name, own in OWN.items():
         many = own(np.random.default_rng(1), (4_000_000,))
         truths = float(np.mean(many[np.isfinite(many)])), float(np.median(many))
         drawn = {n: own(rng, (samples, n)) for n in SEEDS}
         table.add(name, [_shown(drawn[n], *truths) for n in SEEDS])
-        if name.endswith("lost"):
+        if name.endswith("failed"):
             share = float(np.mean(np.isinf(many)))
-            table.add(f"{name}, share", [_shares(np.isinf(drawn[n]), share) for n in SEEDS])
+            table.add(f"{name}, failure rate", [_shares(np.isinf(drawn[n]), share) for n in SEEDS])
     return [table]
 
 
 def _shown(logs: Array, mean: float, median: float) -> list[bool]:
-    """Whether the interval of each cell holds the truth of what it is called."""
+    """Return whether the interval of each cell contains the true median or geometric mean."""
     found = [of for of in centres(Samples.of(list(np.exp(logs)))) if not np.isnan(of.low)]
     truth = {GEOMETRIC: np.exp(mean), MEDIAN: np.exp(median)}
     return [bool(of.low <= truth[of.kind] <= of.high) for of in found]
@@ -199,9 +200,9 @@ def _held(low: Array, high: Array, truth: float) -> list[bool]:
 
 
 def of_few_seeds(rng: np.random.Generator, studies: int) -> list[Table]:
-    """Intervals that a mean of few, skewed values might have instead."""
+    """Coverage of other intervals of a mean with few seeds."""
     samples, sizes = 100 * studies, [n for n in SEEDS if n <= ENOUGH]
-    title = "Coverage of other intervals of a cell's mean [%]; in brackets their mean width, over Student's"
+    title = "Coverage of other intervals of a mean [%]; in brackets: mean width / mean width of Student's interval"
     table = Table(title, "interval, errors", sizes)
     for (name, interval), errors in itertools.product(INTERVALS.items(), ("normal", "skewed", "t3")):
         truth = float(np.mean(OWN[errors](np.random.default_rng(1), (4_000_000,))))
@@ -217,7 +218,7 @@ def _told(values: Array, truth: float, interval: Interval) -> str:
 
 
 def johnson(values: Array, confidence: float) -> tuple[Array, Array]:
-    """Return Johnson's modified t (JASA 73, 1978): Student's interval, moved towards the long tail."""
+    """Return Johnson's modified t interval (JASA 73, 1978): Student's interval, shifted towards the long tail."""
     low, high = student_intervals(values, confidence)
     n, s = values.shape[1], values.std(axis=1, ddof=1)
     third = n / ((n - 1) * (n - 2)) * np.sum((values - values.mean(axis=1, keepdims=True)) ** 3, axis=1)
@@ -225,7 +226,7 @@ def johnson(values: Array, confidence: float) -> tuple[Array, Array]:
 
 
 def joined(share: float) -> Interval:
-    """Return the interval that holds Student's and Hall's with a share of the skewness."""
+    """Return the smallest interval that contains Student's and Hall's interval with a fraction of the skewness."""
 
     def interval(values: Array, confidence: float) -> tuple[Array, Array]:
         own, other = student_intervals(values, confidence), hall_intervals(values, confidence, share)
@@ -238,7 +239,7 @@ INTERVALS: dict[str, Interval] = {
     "Student": student_intervals,
     "Johnson": johnson,
     "Hall": hall_intervals,
-    **{f"both, {share:g} of the skewness": joined(share) for share in (0.4, SHRUNK, 1.0)},
+    **{f"combined, {share:g} times the skewness": joined(share) for share in (0.4, SHRUNK, 1.0)},
 }
 
 
@@ -248,7 +249,7 @@ def _shares(failed: Array, share: float) -> list[bool]:
 
 
 def study(rng: np.random.Generator, own: Draw, scenarios: int, seeds: int) -> Array:
-    """Return (S, 3, n) errors of three methods that are equally good."""
+    """Return (S, 3, n) errors of three equal methods."""
     common = COMMON * rng.standard_normal((scenarios, 1, seeds))
     return np.exp(common + own(rng, (scenarios, 3, seeds)))
 
@@ -259,12 +260,14 @@ def pairs(errors: Array) -> list[LogRatios]:
 
 
 def ratios(rng: np.random.Generator, studies: int) -> list[Table]:
-    """Intervals of the ratios of a study, which decide; and of one ratio over several scenarios."""
-    title = "Studies of three equal methods all of whose intervals hold 1, as 95 % or more should [%]"
+    """Coverage of the intervals of the ratios of a study, and of the interval of a ratio over several scenarios."""
+    title = "Studies of three equal methods in which all intervals of ratios contain 1 [%]"
     table = Table(title, "errors, seeds", SEEDS, (95.0, 100.0))
     for name, own in OWN.items():
         table.add(name, [_all_hold(rng, own, n, 5 * studies) for n in SEEDS])
-    several = Table("Coverage of the 95 % interval over scenarios [%]", "errors, scenarios, seeds", SEEDS, COVERED)
+    several = Table(
+        "Coverage of the 95 % interval of a ratio over scenarios [%]", "errors, scenarios, seeds", SEEDS, COVERED
+    )
     for name, scenarios in itertools.product(("normal", "lognormal", "skewed", "t3"), SCENARIOS[1:]):
         several.add(f"{name}, {scenarios}", [_over(rng, OWN[name], scenarios, n, 12 * studies) for n in SEEDS])
     return [table, several]
@@ -326,9 +329,9 @@ def _centres(d: Array, median: float) -> tuple[bool, bool, bool]:
 
 
 def selection(rng: np.random.Generator, studies: int) -> list[Table]:
-    """The first over the last of equal methods over five scenarios, as drawn and corrected for all pairs."""
+    """False differences of the first and the last of equal methods, with and without the correction for all pairs."""
     methods = (3, 6, 12, 24)
-    title = "Studies of equal methods whose interval of the first over the last excludes 1 [%]"
+    title = "Studies of equal methods in which the interval of the ratio of the first to the last method excludes 1 [%]"
     heads = [f"{k} methods" for k in methods]
     drawn = {
         name: [[OWN[name](rng, (5, 20, k)) for _ in range(4 * studies)] for k in methods]
@@ -351,8 +354,8 @@ def _excludes(logs: Array, level: float) -> bool:
 
 
 def false_sentences(rng: np.random.Generator, studies: int) -> list[Table]:
-    """Studies of equal methods with any "better", "worse" or share of lost runs that differs."""
-    title = 'Studies of equal methods with any false "better" [%]'
+    """Studies of equal methods with any verdict other than "equal" and "undecided"."""
+    title = "Studies of equal methods with any false verdict [%]"
     table = Table(title, "errors, scenarios, seeds", SEEDS, FALSE)
     for scenarios, (name, own) in itertools.product(SCENARIOS, OWN.items()):
         many = studies if scenarios > 10 else 2 * studies if scenarios > 1 else 5 * studies
@@ -366,38 +369,38 @@ def _any_false(errors: Array) -> bool:
 
 
 def _differs(judgement: Judgement) -> bool:
-    """Whether a difference is claimed, also one within the margin."""
+    """Return True if the verdict states a difference, including a difference within the margin."""
     return judgement.verdict not in {Verdict.UNDECIDED, Verdict.EQUAL}
 
 
 def whole_studies(rng: np.random.Generator, studies: int) -> list[Table]:
-    """Families as large as those of real studies: half of the methods have errors four times as large."""
-    title = "A study of 1200 comparisons: ten scenarios of 16 methods, half of them four times worse [%]"
+    """Studies with 1200 comparisons, in which half of the methods have four times the error of the others."""
+    title = "Ten scenarios with 16 methods, half of which have four times the error [%]"
     sizes = (10, 20, 50)
     heads = [f"{n} seeds" for n in sizes]
-    names = ("normal", "t3", "skewed", "10 % lock-outs")
+    names = ("normal", "t3", "skewed", "10 % x 50")
     seen = {
         name: [[_of_study(_two_levels(rng, OWN[name], n)) for _ in range(max(1, studies // 4))] for n in sizes]
         for name in names
     }
-    decided = Table(title + ": pairs four times apart that are decided", "errors", heads)
+    decided = Table(title + ": decided pairs of different methods", "errors", heads)
     for name, ends in seen.items():
         decided.add(name, [[share for share, _ in of] for of in ends])
-    false = Table(title + ": studies that show a difference of equal ones", "errors", heads, FALSE)
+    false = Table(title + ": studies with a false verdict for equal methods", "errors", heads, FALSE)
     for name, ends in seen.items():
         false.add(name, [[any_ for _, any_ in of] for of in ends])
     return [decided, false]
 
 
 def _two_levels(rng: np.random.Generator, own: Draw, seeds: int) -> Array:
-    """Return (10, 16, n) errors, those of the last eight methods four times as large."""
+    """Return (10, 16, n) errors. The errors of the last eight methods are four times as large."""
     common = COMMON * rng.standard_normal((10, 1, seeds))
     scatter = own(rng, (10, 16, seeds))
     return np.exp(common + scatter / 2 + np.log(4) * (np.arange(16) >= 8)[:, None])
 
 
 def _of_study(errors: Array) -> tuple[float, bool]:
-    """Return the share of different pairs that is decided, and whether any difference is shown of equal ones."""
+    """Return the decided fraction of the different pairs, and True if any equal pair has a false verdict."""
     places = list(itertools.combinations(range(16), 2)) * len(errors)
     differ = np.array([a < 8 <= b for a, b in places])
     shown = np.array([_differs(judgement) for judgement in judged(pairs(errors))])
@@ -405,8 +408,8 @@ def _of_study(errors: Array) -> tuple[float, bool]:
 
 
 def false_equals(rng: np.random.Generator, studies: int) -> list[Table]:
-    """Studies of methods that differ by the margin itself, of which "equal" is false."""
-    title = 'Studies of methods just not equal with any "equal" [%]'
+    """Studies of methods that differ by exactly the margin, so that the verdict "equal" is false."""
+    title = 'Studies of methods that differ by the margin with any verdict "equal" [%]'
     table = Table(title, "errors, scenarios, seeds", ENOUGH_FOR_EQUAL, FALSE)
     for scenarios, name in itertools.product(SCENARIOS[:2], ("normal", "lognormal", "skewed", "t3")):
         rates = [[_any_equal(rng, OWN[name], scenarios, n) for _ in range(2 * studies)] for n in ENOUGH_FOR_EQUAL]
@@ -420,18 +423,18 @@ def _any_equal(rng: np.random.Generator, own: Draw, scenarios: int, seeds: int) 
 
 
 def unseen(rng: np.random.Generator, studies: int) -> list[Table]:
-    """Two methods that are equal but for the drives in which one of them locks out: "equal" is false."""
-    title = "Studies that call a method equal which locks out in a share of drives [%]"
+    """Two methods that are equal except for 50 times the error of one method in some runs. "Equal" is false."""
+    title = 'Studies with the verdict "equal" if one method has 50 times the error in some runs [%]'
     seeds = (10, 20, 50, 99, 150, 300)
     limits = 1 / (1 + MARGIN), 1 + MARGIN
     made = {
         f"{100 * share:.0f} %": [[_with_lock_outs(rng, share, n) for _ in range(8 * studies)] for n in seeds]
         for share in (0.03, 0.1)
     }
-    alone = Table(title + ", by the errors alone", "locks out in, seeds", seeds)
+    alone = Table(title + ", without the bound of the failure rate", "fraction of the runs, seeds", seeds)
     for name, of_sizes in made.items():
         alone.add(name, [[limits[0] < of.low and of.high < limits[1] for of in one] for one in of_sizes])
-    bounded = Table(title, "locks out in, seeds", seeds, FALSE)
+    bounded = Table(title, "fraction of the runs, seeds", seeds, FALSE)
     for name, of_sizes in made.items():
         bounded.add(name, [[of.verdict is Verdict.EQUAL for of in one] for one in of_sizes])
     return [alone, bounded]
@@ -443,16 +446,16 @@ def _with_lock_outs(rng: np.random.Generator, share: float, seeds: int) -> Judge
 
 
 def ruined(rng: np.random.Generator, studies: int) -> list[Table]:
-    """Two equal methods, of which the second is ruined in a share of the runs: by how many times is in the rows."""
-    title = "Comparisons with a method that is ruined in a share of the runs: "
+    """Two equal methods, except that the error of the second is multiplied by a factor in a fraction of the runs."""
+    title = "Comparisons with a method whose error is multiplied by a factor in a fraction of the runs: "
     rows = [(factor, seeds) for factor in (12, 50, 1000) for seeds in (10, 20, 50)]
     shares = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
     found = {row: [_with_ruined(rng, share, *row, 2 * studies) for share in shares] for row in rows}
 
     def counted(words: str, said: Callable[[Judgement], bool], least: int = 0, **bounds: tuple[float, float]) -> Table:
-        """Return the table of those with at least so many seeds, if bounded from below with most runs ruined."""
+        """Return a table. With ``least``, it contains only rows with at least ``least`` seeds, and fractions >= 0.6."""
         first = 4 if least else 0
-        table = Table(title + words, "times as wrong, seeds", shares[first:], **bounds)
+        table = Table(title + words, "factor, seeds; fraction of the runs", shares[first:], **bounds)
         for (factor, seeds), of_shares in found.items():
             if seeds >= least:
                 table.add(f"{factor}, {seeds}", [[said(one) for one in of] for of in of_shares[first:]])
@@ -460,10 +463,19 @@ def ruined(rng: np.random.Generator, studies: int) -> list[Table]:
 
     few = (0.0, 5 / 3)
     return [
-        counted("it is called better, or failing in fewer runs [%]", lambda one: one.verdict in DEFEATS, bounds=few),
-        counted("it is said to have the smaller errors [%]", lambda one: one.reason == FAILED_MORE, bounds=few),
-        counted("the other is called better, or failing in fewer runs [%]", lambda one: one.verdict in WINS),
-        counted("likewise, bounded [%]", lambda one: one.verdict in WINS, least=20, bounds=(90.0, 100.0)),
+        counted("this method is better or fails in fewer runs [%]", lambda one: one.verdict in DEFEATS, bounds=few),
+        counted(
+            "this method has the smaller median error but fails in more runs [%]",
+            lambda one: one.reason == FAILED_MORE,
+            bounds=few,
+        ),
+        counted("the other method is better or fails in fewer runs [%]", lambda one: one.verdict in WINS),
+        counted(
+            "the other method is better or fails in fewer runs, with a target [%]",
+            lambda one: one.verdict in WINS,
+            least=20,
+            bounds=(90.0, 100.0),
+        ),
     ]
 
 
@@ -476,23 +488,27 @@ def _with_ruined(rng: np.random.Generator, share: float, factor: float, seeds: i
 
 
 def power(rng: np.random.Generator, studies: int) -> list[Table]:
-    """Comparisons of a study that 10 seeds left undecided, run again with as many seeds as were named."""
+    """Comparisons that are undecided with 10 seeds, repeated with the stated number of seeds."""
     truths = (1.0, 1.05, 1.1, 1.15, 1.2)
     names = ("normal", "lognormal", "skewed", "t3")
     ends = {name: [_decided(rng, OWN[name], truth, studies // 3) for truth in truths] for name in names}
-    title = "Comparisons of which a number of seeds is named, of those that 10 seeds left undecided [%]"
+    title = "Comparisons with a stated number of seeds, of the comparisons that are undecided with 10 seeds [%]"
     named = Table(title, "errors, true ratio", truths)
     for name, of in ends.items():
         named.add(name, [told for told, _, _ in of])
-    table = Table("Decided with the seeds that were named [%]", "errors, true ratio", truths[1:], POWER)
+    table = Table("Decided comparisons with the stated number of seeds [%]", "errors, true ratio", truths[1:], POWER)
     for name, of in ends.items():
         table.add(name, [hits for _, hits, _ in of[1:]])
-        line(f"{name}: seeds named, median", *(median for _, _, median in of[1:]))
+        line(f"{name}: median number of seeds", *(median for _, _, median in of[1:]))
     return [named, table]
 
 
 def _decided(rng: np.random.Generator, own: Draw, truth: float, trials: int) -> tuple[list[bool], list[bool], str]:
-    """Return of each undecided comparison whether seeds were named; and of one a study whether these decided it."""
+    """Return the results of undecided comparisons.
+
+    The first list states for each comparison whether a number of seeds is stated. The second list states for one
+    comparison of each study whether this number decided the comparison. The text is the median number of seeds.
+    """
     told, hits, numbers = [], [], []
     for _ in range(trials):
         first = _differences(rng, own, truth, (FAMILY, 10))
@@ -519,9 +535,14 @@ def _judged(d: Array) -> list[Judgement]:
 
 
 def automatic(rng: np.random.Generator, studies: int) -> list[Table]:
-    """Seeds in blocks until everything is decided: false sentences in spite of several looks, and seeds spent."""
-    table = Table("`seeds=auto(max=400)`, ten scenarios of three methods [%]", "errors", ("any false",), FALSE)
-    for name in ("normal", "lognormal", "skewed", "t3", "10 % lock-outs"):
+    """False verdicts and number of seeds of `seeds=auto`, which adds seeds in blocks until everything is decided."""
+    table = Table(
+        "Studies with a false verdict with `seeds=auto(max=400)`, ten scenarios [%]",
+        "errors",
+        ("false verdict",),
+        FALSE,
+    )
+    for name in ("normal", "lognormal", "skewed", "t3", "10 % x 50"):
         ends = [_spent(study(rng, OWN[name], 10, 400)) for _ in range(max(1, studies // 4))]
         table.add(f"{name} ({np.mean([seeds for _, seeds in ends]):.0f} seeds, mean)", [[wrong for wrong, _ in ends]])
     return [table]
@@ -552,14 +573,14 @@ TABLES: Mapping[str, Callable[[np.random.Generator, int], list[Table]]] = {
     "ruined": ruined,
     "opposite": opposite,
 }
-"""Each takes the generator of its stream, and how many studies of 60 scenarios to simulate; of fewer it takes more."""
+"""Functions (random generator, number of studies of 60 scenarios) -> tables. Smaller studies are more numerous."""
 
 
 def main() -> None:
-    """Print every table, or those that were chosen, and what is out of bounds."""
+    """Print all or the selected tables, and the values that miss their targets."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--studies", type=int, default=150, help="simulated studies of 60 scenarios; of fewer more")
-    parser.add_argument("--only", choices=TABLES, nargs="*", help="print these tables alone")
+    parser.add_argument("--studies", type=int, default=150, help="number of simulated studies of 60 scenarios")
+    parser.add_argument("--only", choices=TABLES, nargs="*", help="print only these tables")
     chosen = parser.parse_args()
     outside: list[str] = []
     for number, (name, made) in enumerate(TABLES.items()):
@@ -570,7 +591,7 @@ def main() -> None:
             line for table in made(np.random.default_rng([14, number]), chosen.studies) for line in table.outside
         ]
         print(f"\n{time.process_time() - began_s:.0f} s of CPU time.", flush=True)
-    print("\n## Out of bounds\n", *(f"- {line}" for line in outside or ["nothing"]), sep="\n")
+    print("\n## Values that miss their targets\n", *(f"- {line}" for line in outside or ["nothing"]), sep="\n")
 
 
 if __name__ == "__main__":

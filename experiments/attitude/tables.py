@@ -163,7 +163,7 @@ TUNED_ELSEWHERE = {("broad", "vqf"): "vqf (its authors tuned its defaults on thi
 """What a reader has to know of a method in a domain."""
 
 VERDICT_HEADS = ("median ratio", "wins", "p (Holm)", "verdict")
-DEFAULT_HEADS = tuple(f"default: {name}" for name in VERDICT_HEADS)
+DEFAULT_HEADS = ("default: median ratio", "default: verdict")
 
 
 def of_errors(errors: Errors) -> str:
@@ -181,17 +181,6 @@ def _title(domain: str, own: DomainErrors) -> str:
     return f"{DOMAINS[domain]} ({len(sessions)} trials, {len(set(sessions))} sessions)"
 
 
-def of_excluded(errors: Errors) -> str:
-    """Error on each trial that is excluded. Its setting is tuned on the other sessions."""
-    names = [name for own in errors.values() for name, out in zip(own.trials, own.excluded, strict=True) if out]
-    losses = [losses_on(own, excluded=True) for own in errors.values()]
-    cells = {
-        name: [f"{deg:.1f}" for own in losses for deg in np.exp(np.median(own[name], axis=0))]
-        for name in [*METHODS, *DEFAULTS]
-    }
-    return plain_table(["method", *names], [[name, *own] for name, own in cells.items()])
-
-
 def of_verdicts(errors: Errors) -> str:
     """Each method against both comparison methods, for each domain: first tuned, then with the default settings."""
     parts = []
@@ -202,7 +191,7 @@ def of_verdicts(errors: Errors) -> str:
             tuned = verdicts_on({name: losses[name] for name in METHODS}, comparator)
             default = verdicts_on({name: losses[f"{name}, default"] for name in METHODS}, comparator)
             lines = [
-                [TUNED_ELSEWHERE.get((domain, name), name), *verdict_cells(own), *verdict_cells(default[name])]
+                [TUNED_ELSEWHERE.get((domain, name), name), *verdict_cells(own), *verdict_cells(default[name])[::3]]
                 for name, own in tuned.items()
             ]
             parts.append(plain_table(head, lines))
@@ -241,30 +230,9 @@ def _factor(own: DomainErrors, method: str, setting: IntArray) -> str:
     return f"{np.exp(np.median(np.median(more[:, ~own.excluded], axis=0))):.2f}"
 
 
-def of_switches(errors: Errors) -> str:
-    """Fraction of the tunings and trials in which a switch is on."""
-    rows = []
-    for name, method in METHODS.items():
-        chosen = [settings_left_out(own, name)[:, ~own.excluded] for own in errors.values()]
-        for switch in (*method.switches, "gravity"):
-            on = np.array([setting[switch] for setting in method.settings()])
-            rows.append([name, switch, *(f"{on[setting].mean():.2f}" for setting in chosen)])
-    return plain_table(["method", "switch", *errors], rows)
-
-
-def of_luck(errors: Errors) -> str:
-    """Standard deviation over the tunings of the median log error."""
-    losses = [losses_on(own) for own in errors.values()]
-    rows = [[name, *(f"{np.median(own[name], axis=1).std(ddof=1):.2f}" for own in losses)] for name in METHODS]
-    return plain_table(["method", *errors], rows)
-
-
 TABLES: dict[str, Callable[[Errors], str]] = {
     "errors": of_errors,
-    "excluded": of_excluded,
     "verdicts": of_verdicts,
     "transfer": of_transfer,
-    "switches": of_switches,
-    "luck": of_luck,
 }
 """For each name on the page."""

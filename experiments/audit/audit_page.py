@@ -8,6 +8,7 @@ python experiments/audit/audit_page.py results/audit-full --reweight faulty=0.05
 
 import argparse
 import re
+import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -198,6 +199,12 @@ FAULTY, NOTHING_KNOWN, MIN_BAD = "faulty", "nothing known", "the worst kind shou
 EQUAL = f"equal within {100 * SMALL_MARGIN:.0f} %"
 SHOWN = 15
 """Methods in the table of worst cases."""
+MAX_LINE = 140
+NOT_TEXT = re.compile(r"\s*(?:\||#|!\[|$)")
+"""Lines that are not wrapped: tables, headings, pictures and empty lines."""
+ITEM = re.compile(r" *(?:- |\d+\. )")
+"""Start of a list item."""
+NO_BREAK = "\u00a0"
 
 
 def sentences(answer: AuditAnswer) -> list[str]:
@@ -218,7 +225,7 @@ def sentences(answer: AuditAnswer) -> list[str]:
         harm=max((kind for kind in kinds if kind not in (most, NO_FAULT)), key=lambda kind: kinds[kind]["worse"]),
         leaders=leaders(rows, losses),
     )
-    return [" ".join(sentence.split()) for sentence in text.split("\n\n")]
+    return [wrapped(f"1. {' '.join(of.split())}").removeprefix("1. ") for of in text.split("\n\n")]
 
 
 def mixture_weights(member: BoolArray, share: float) -> FloatArray:
@@ -368,7 +375,7 @@ def audit_page(answer: AuditAnswer, folder: Path, commit: str) -> str:
     rows, methods, average = answer.rows, answer.methods, average_over_drives(answer.losses)
     protocol, status = rows.protocol, rows.judged["status"].astype(str)
     levels = rows.judged["seed"].map(rows.drives.set_index("seed")["level"]).to_numpy()
-    return worded(
+    page = worded(
         HERE / "page.md.jinja",
         answer=answer,
         sentences=sentences(answer),
@@ -397,6 +404,27 @@ def audit_page(answer: AuditAnswer, folder: Path, commit: str) -> str:
         again=Audit(again).better_and_worse() if (again := folder.parent / SECOND_AUDIT).exists() else {},
         sources=[(name, of) for name in protocol.compared if (of := provenance_of(plugins.get("adaptation", name)))],
     )
+    return wrapped(page)
+
+
+def wrapped(page: str) -> str:
+    """Return a Markdown page without code blocks, with paragraphs and list items wrapped at 140 characters."""
+    blocks: list[str] = []
+    for line in page.split("\n"):
+        if blocks and not any(NOT_TEXT.match(each) for each in (blocks[-1], line)) and not ITEM.match(line):
+            blocks[-1] += f" {line.strip()}"
+        else:
+            blocks.append(line)
+    return "\n".join(block if NOT_TEXT.match(block) else _filled(block) for block in blocks)
+
+
+def _filled(block: str) -> str:
+    """Wrap one paragraph or list item. Neither code nor a percentage is divided."""
+    item = ITEM.match(block)
+    indent = " " * (len(item[0]) if item else len(block) - len(block.lstrip()))
+    joined = re.sub(r"`[^`]*`|\d %", lambda found: found[0].replace(" ", NO_BREAK), block)
+    wrapper = textwrap.TextWrapper(MAX_LINE, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    return wrapper.fill(joined).replace(NO_BREAK, " ")
 
 
 def _by_kind(kinds: pd.DataFrame) -> list[dict[str, Any]]:

@@ -125,7 +125,8 @@ def setting_rows(
 
 def answer(results: Path, title: str, study: str, sentences: str) -> None:
     """Write the finding of a study, which the page of the audit includes. Links are relative to experiments/audit."""
-    head = f"**{title}** ([details](../{study}/README.md)). All filters were tuned on recordings from other places:"
+    tuned = "Each recording was evaluated with settings that were tuned on other groups of recordings:"
+    head = f"**{title}** ([details](../{study}/README.md)). {tuned}"
     write_text(results / "answer.md", f"{head}\n\n{sentences}\n")
 
 
@@ -269,10 +270,11 @@ def ratio_sentence(d: FloatArray, taken: Taken, unit: str) -> str:
     """Return the result of (16, n) log ratios as one line; ``unit`` is the noun for a replicate."""
     result = over_replicates(d, taken)
     low, high = result.exact
-    times = f"{result.median:.2f} [{low:.2f}, {high:.2f}] times the error of the plain filter (median of the {unit}s)"
-    wins = f"on {result.wins} of {result.n} {unit}s (sign test, p = {result.p:.2g}): **{result.verdict}**"
-    largest = f"The largest ratio of these two errors is {result.worst_ratio:.2f} (on {result.worst})."
-    return f"the average adaptation has {times}. The average adaptation has the smaller error {wins}. {largest}"
+    ratio = "averaged over the adaptations, the error with adaptation divided by the error of the plain filter is"
+    median = f"{result.median:.2f} [{low:.2f}, {high:.2f}] (median over the {unit}s)"
+    wins = f"on {result.wins} of {result.n} {unit}s (sign test, p = {result.p:.2g}: **{result.verdict}**)"
+    largest = f"The largest average ratio is {result.worst_ratio:.2f} ({unit} `{result.worst}`)."
+    return f"{ratio} {median}. This average ratio is below 1 {wins}. {largest}"
 
 
 def ratio_table(losses: Mapping[Method, FloatArray], taken: Taken, unit: str) -> str:

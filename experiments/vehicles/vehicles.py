@@ -128,7 +128,7 @@ def parts(rows: pd.DataFrame) -> dict[str, str]:
     """Return the parts of the page."""
     losses = {name: tuned(rows)[name, left_out.PLAIN] for name in ("gnss_only", "baseline", "jerk", *BESIDE[1:])}
     return {
-        "average": "\n".join(f"- **Filter {model}**: {sentence(rows, model)}" for model in MODELS),
+        "average": "\n".join(f"- **Filter `{model}`**: {sentence(rows, model)}" for model in MODELS),
         "traces": left_out.error_table(losses, taken(rows), "trace"),
         **{model: left_out.ratio_table(tuned(rows, model), taken(rows), "trace") for model in MODELS},
     }
