@@ -129,7 +129,6 @@ def _factors(names: str | None) -> list[str] | None:
     ),
     argument("--methods", metavar="NAMES", help="draw only these methods, for example baseline,jerk+mtf"),
     argument("--seed", type=int, help="seed of the run that is drawn (default: the first seed)"),
-    flag("--few", help="draw only scenarios and methods with a finding"),
     RUN_PROGRAMS,
     flag("--pdf", help="write each figure as a PDF, too"),
 )
@@ -151,7 +150,7 @@ def figures_command(arguments: argparse.Namespace) -> None:
     out = arguments.out or arguments.folder / FIGURES
     counted = arguments.scenarios.isdecimal()
     request = Request(
-        Choice.FEW if arguments.few else Choice.ALL,
+        Choice.ALL,
         int(arguments.scenarios) if counted else LIMIT,
         out,
         pdf=arguments.pdf,
@@ -172,7 +171,7 @@ def figures_command(arguments: argparse.Namespace) -> None:
     STUDY,
     argument("--out", type=output, help="the file (default: report.html in the study's folder)"),
     argument("--scenarios", type=count, default=20, help="number of scenarios whose runs are shown (default: 20)"),
-    argument("--figures", choices=[*Choice], default=Choice.FEW, help="few: only with findings (default); all; none"),
+    argument("--figures", choices=[*Choice], default=Choice.FEW, help="few: three scenarios (default); all; none"),
     RUN_PROGRAMS,
     *JUDGING,
 )

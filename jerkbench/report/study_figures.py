@@ -40,13 +40,13 @@ from jerkbench.report.labels import bare
 from jerkbench.report.page_content import encoded, largest_of_steps
 from jerkbench.report.plots import consistency, runs
 from jerkbench.report.plots.studies import (
+    SCENES,
     Drawing,
     Methods,
     Picture,
     by_difference,
     of_rows,
     palette_of,
-    telling_scenes,
 )
 from jerkbench.report.plots.style import Palette
 from jerkbench.report.summary import main_metric
@@ -93,7 +93,7 @@ class Request:
         traces: whether the report contains errors over time, for at most ``limit`` scenarios.
         run_programs: whether external programs in stored configurations may run. If ``run_programs`` is False, jobs
             with programs are left out.
-        methods: names of the methods to draw. If ``methods`` is empty, methods that differ significantly are drawn.
+        methods: names of the methods to draw. If ``methods`` is empty, the best methods are drawn.
         scenarios: names of the scenarios to draw. If ``scenarios`` is empty, ``choice`` selects the scenarios.
         seed: seed of the runs to draw, or None for the first seed.
     """
@@ -153,16 +153,16 @@ def _drawing_tasks(study: Study, request: Request) -> list[Callable[[], DrawnStu
     for key, labels in study.labels.items():
         scenarios.setdefault(", ".join(labels[factor] for factor in SCENARIO_FACTORS), {})[key] = labels
     named = tuple(dict.fromkeys(zip(study.rows["filter"], study.rows["adaptation"], strict=True)))
-    methods: Mapping[str, Methods] = dict.fromkeys(scenarios, named if request.methods else ())
-    few = request.choice is Choice.FEW and not (request.methods or request.scenarios)
+    methods = named if request.methods else ()
+    few, pictured = request.choice is Choice.FEW, list(scenarios)
     if few or (len(scenarios) > request.limit and not request.scenarios):
-        ranked = dict(list(by_difference(study.rows, metric, list(scenarios)).items())[: request.limit])
-        scenarios = {name: labels for name, labels in scenarios.items() if name in ranked}
-        methods = telling_scenes(ranked) if few else methods
+        pictured = by_difference(study.rows, metric, list(scenarios))[: request.limit]
+        scenarios = {name: labels for name, labels in scenarios.items() if name in pictured}
+    pictured = pictured[:SCENES] if few else pictured
     steps = _steps_of(scenarios.values()) if request.traces else 0
     draw = partial(_draw_scenario, request, study.folder, metric, palette, steps)
-    drawn = {name: labels for name, labels in scenarios.items() if steps or name in methods}
-    return [of_all_rows, *(partial(draw, name, labels, methods.get(name)) for name, labels in drawn.items())]
+    tasks = [partial(draw, name, labels, methods if name in pictured else None) for name, labels in scenarios.items()]
+    return [of_all_rows, *tasks]
 
 
 def _requested(study: Study, request: Request) -> Study:
@@ -243,17 +243,17 @@ def _draw_runs(
     recording, estimates = with_title(made[best][0], row.job, row.draw), {name: run[1] for name, run in made.items()}
     updated = {method: estimate for method, estimate in estimates.items() if len(estimate.updates.t_s)}
     errors = partial(runs.error_figure, recording, burn_in_s=row.job.protocol.burn_in_s, palette=palette)
-    trajectory = runs.inset_trajectory_figure(recording, estimates, palette)
+    trajectory = runs.trajectory_figure(recording, estimates, palette)
     figures = {
         "errors": ("position error, first seed", errors(estimates, panels=1)),
-        "trajectory": ("trajectory, and a part of it enlarged", trajectory),
+        "trajectory": ("trajectory", trajectory),
         "three-sigma": (f"errors of {best} with three sigmas", errors({best: estimates[best]})),
         "consistency": (f"NEES and NIS of {best}", consistency.consistency_figure(of_best, best, palette)),
         "adapted-r": ("measurement noise that was used", consistency.adapted_r_figure(recording, updated, palette)),
     }
-    if recording.imu is not None:
-        tilt = consistency.tilt_figure(recording, {row.job.labels.attitude: estimates[best]}, palette)
-        figures["tilt"] = "roll and pitch against the reference", tilt
+    if recording.imu is not None and recording.reference.euler_rad is not None:
+        inclination = runs.inclination_figure(recording, {row.job.labels.attitude: estimates[best]}, palette)
+        figures["inclination"] = "inclination error", inclination
     for kind, (caption, figure) in figures.items():
         yield Drawing(f"{file_stem([name])}-{kind}", f"{name}: {caption}.", figure)
 
@@ -408,7 +408,7 @@ PROVENANCE = ("command", "finished", "commit", "versions", "host")
 
 OTHERWISE = {
     Choice.FEW: "figures=all draws all scenarios, figures=none draws no figures",
-    Choice.ALL: "figures=few draws scenarios with a finding, figures=none draws no figures",
+    Choice.ALL: "figures=few draws scenarios with large differences, figures=none draws no figures",
 }
 """Text that describes the alternatives to each value of the option ``figures``."""
 

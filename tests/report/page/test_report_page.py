@@ -25,12 +25,12 @@ SWEEP = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,multip
 
 @pytest.mark.slow
 def test_a_sweep_ends_with_all_figures_where_they_are_asked_for(sweep, report):
-    assert "Drawing the figures (figures=few draws scenarios with a finding, figures=none " in sweep[1].stdout
+    assert "Drawing the figures (figures=few draws scenarios with large differences, figures=none " in sweep[1].stdout
     assert f"Report: {Path('results/adhoc/report.html')}" in sweep[1].stdout
     drawn = {path.stem for path in (report.parent / "figures").glob("*.png")}
     assert len(list((report.parent / "figures").iterdir())) == len(drawn), "a PDF is there only when it is asked for"
     of_runs = {f"field_{where}_field" for where in ("none", "multipath_single_axis")}  # and a hash of the whole name
-    kinds = ("errors", "trajectory", "three-sigma", "tilt", "consistency", "adapted-r")
+    kinds = ("errors", "trajectory", "three-sigma", "inclination", "consistency", "adapted-r")
     named = {f"{scene}-{kind}" for scene in of_runs for kind in kinds}
     short = {re.sub("-[0-9a-f]{8}-", "-", name, count=1) for name in drawn}
     assert short == {"bars", "heat-map", *named}
