@@ -218,7 +218,7 @@ def cite_command(arguments: argparse.Namespace) -> None:
 
 # The exit code of `jerkbench compare` can be used as a regression test in continuous integration.
 
-COMPARISON_FORMATS = ("terminal", "md", "json", "junit")
+COMPARISON_FORMATS = ("terminal", "md", "json")
 
 WORSE_CODE = 3
 """Exit code if a combination fails the regression test (``--fail-above``)."""
@@ -232,8 +232,8 @@ READING_NOTE = (
 
 
 @command(
-    argument("first", metavar="A", help="folder of the first study (before); FOLDER:METHOD selects a method"),
-    argument("second", metavar="B", help="folder of the second study (after)"),
+    argument("first", metavar="A", type=Path, help="folder of the first study (before)"),
+    argument("second", metavar="B", type=Path, help="folder of the second study (after)"),
     argument("--metric", help="a column of rows.csv (default: position_rmse_m, or the first metric)"),
     argument("--fail-above", type=percentage, metavar="PCT", help="exit with code 3 if B is worse than A; see below"),
     argument("--format", choices=COMPARISON_FORMATS, default="terminal", help="default: terminal"),
@@ -242,11 +242,8 @@ READING_NOTE = (
 def compare_command(arguments: argparse.Namespace) -> None:
     """Compare two sets of results, with paired runs if the seeds match.
 
-    A and B are folders. FOLDER:METHOD selects a method of a folder: filter, adaptation and noise, joined by +, or
-    FACTOR=VALUE.
-
       jerkbench compare results/first results/second --fail-above 3
-      jerkbench compare results/first:jerk+none results/second:jerk+mtf --format md
+      jerkbench compare results/first results/second --metric velocity_rmse_mps --format md
 
     --fail-above PCT is a regression test of two versions of the same methods. A combination fails if
 
@@ -272,26 +269,20 @@ def compare_command(arguments: argparse.Namespace) -> None:
         COMPARISON_WRITERS,
         StudyComparison,
         changes,
-        named_study,
         print_comparison,
         require_alike,
-        selected,
-        with_names_of,
     )
     from jerkbench.report.columns import varying_factors
     from jerkbench.report.comparisons import VerdictRule
     from jerkbench.report.summary import main_metric
 
-    (a, of_a), (b, of_b) = named_study(arguments.first), named_study(arguments.second)
-    first, second = selected(load_study(a), of_a), selected(load_study(b), of_b)
-    second, replaced = with_names_of(first, second, {**of_a, **of_b})
+    first, second = load_study(arguments.first), load_study(arguments.second)
     require_alike(first, second)
     metric, varying = arguments.metric or main_metric(first.rows), varying_factors(first.rows)
     changed = changes(first.rows, second.rows, metric, VerdictRule(arguments.margin / 100))
     comparison = StudyComparison(metric, changed, varying, (), arguments.fail_above, failed=False)
     messages, code = ([], 0) if arguments.fail_above is None else _failures(comparison, first, second)
-    notes = [*replaced, *_notes(arguments, first, second, comparison)]
-    comparison = comparison._replace(notes=notes, failed=bool(code))
+    comparison = comparison._replace(notes=_notes(arguments, first, second, comparison), failed=bool(code))
     if arguments.format in COMPARISON_WRITERS:
         print(COMPARISON_WRITERS[arguments.format](comparison), end="")
     else:
