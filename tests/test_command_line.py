@@ -69,7 +69,7 @@ def test_a_sweep_leaves_rows_tables_and_a_manifest(sweep):
     for name in ("table.md", "table.csv", "table.tex", "manifest.json"):
         assert (study / name).stat().st_size > 0
     assert "Position RMSE (3-D) [m]" in done.stdout
-    assert "simulated truth; independent of the measurements" in done.stdout
+    assert "simulated truth; independent of the measurements" in (study / "table.md").read_text(encoding="utf-8")
 
 
 def test_a_sweep_goes_on_where_it_was_and_gives_the_same_rows(sweep):

@@ -52,6 +52,8 @@ FACTOR_NAMES = "dataset, disturbance, attitude, filter, adaptation, noise; separ
     flag("--costs", help="measure the time of a filter step; runs each method again on this machine"),
     RUN_PROGRAMS,
     argument("--format", choices=TABLE_FORMATS, default="terminal"),
+    flag("--wide", help="print the geometric mean (gm), too"),
+    flag("--notes", help="print all notes below the table"),
 )
 def table_command(arguments: argparse.Namespace) -> None:
     """Print a table of a study for a metric, with selected rows and columns.
@@ -77,13 +79,13 @@ def table_command(arguments: argparse.Namespace) -> None:
     if arguments.findings:
         print(_findings(study, verdicts, baseline, every=arguments.all) or NOTHING_COMPARED)
         return
-    _write(table, arguments.format)
+    _write(table, arguments)
     if arguments.costs:
         from jerkbench.jobs.replay import COLUMN, report_excluded_programs, step_costs
 
         report_excluded_programs(study, run_programs=arguments.run_programs)
         if len(costs := step_costs(study, run_programs=arguments.run_programs)):
-            _write(summarise(costs, COLUMN, rows, columns), arguments.format)
+            _write(summarise(costs, COLUMN, rows, columns), arguments)
 
 
 def _findings(study: "Study", verdicts: "StudyVerdicts", baseline: "Mapping[str, str] | None", *, every: bool) -> str:
@@ -107,14 +109,14 @@ def _findings(study: "Study", verdicts: "StudyVerdicts", baseline: "Mapping[str,
     return "\n".join([f"{title.rstrip('.')}.", *several])
 
 
-def _write(table: "Table", name: str) -> None:
-    from jerkbench.report.terminal import print_summary
+def _write(table: "Table", arguments: argparse.Namespace) -> None:
+    from jerkbench.report.terminal import print_table
     from jerkbench.report.writers import WRITERS
 
-    if name == "terminal":
-        print_summary(table)
+    if arguments.format == "terminal":
+        print_table(table, arguments.folder, wide=arguments.wide, every_note=arguments.notes)
     else:
-        print(WRITERS[name](table), end="")
+        print(WRITERS[arguments.format](table), end="")
 
 
 def _factors(names: str | None) -> list[str] | None:

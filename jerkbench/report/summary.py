@@ -68,12 +68,12 @@ REASONS = 3
 _KINDS = {
     GEOMETRIC: "Geometric mean of the successful runs and its 95 % interval (Student's t of the logarithms, "
     "{seeds} seeds).",
-    MEDIAN: "Median of {seeds} seeds and its 95 % interval (order statistics). A diverged or failed run counts as "
-    "infinitely large. gm: geometric mean of the successful runs.",
+    MEDIAN: "Median of {seeds} seeds and its 95 % interval (order statistics). A failed run counts as infinite.",
     MEAN: "Mean of {seeds} seeds and its 95 % interval (BCa bootstrap; Student's t for fewer than 5 seeds).",
 }
 """The footnote about the interval for each kind of average."""
 
+GEOMETRIC_NOTE = "gm: geometric mean of the successful runs."
 
 _BEST = "Bold: best in the row. No other method is significantly better, and at least one is significantly worse."
 
@@ -105,6 +105,8 @@ def _reading(table: Table, cells: list[TableCell]) -> Iterator[str]:
             few = kind == GEOMETRIC and min(used) < ENOUGH
             widened = f" With fewer than {ENOUGH} seeds it is widened for skewed errors." * few
             yield template.format(seeds=seeds) + widened
+    if any(c.geometric_text for c in cells):
+        yield GEOMETRIC_NOTE
     recorded = [c for c in cells if c.recording_interval and c.used]
     if any(c.interval for c in recorded):
         phases = " (geometric means over its phases)" if any(c.used > 1 for c in recorded) else ""
