@@ -18,7 +18,7 @@ import pandas as pd
 
 from jerkbench.arrays import BoolArray
 from jerkbench.errors import JerkbenchError
-from jerkbench.estimate import Estimate, Updates
+from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import known
 from jerkbench.evaluation.intervals import share_interval
 from jerkbench.files import write_text
@@ -214,42 +214,32 @@ def table_json(table: Table) -> str:
     content = {
         **{name: getattr(table, name) for name in ("title", "metric", "unit", "row_keys", "column_keys")},
         "baseline": dict(table.baseline),
-        "cells": [{"combination": labels, **_json_values(cell)} for labels, cell in table.placed()],
+        "cells": [
+            {"combination": labels, **{name: _json_value(value) for name, value in _values(cell).items()}}
+            | {"best": cell.best, "verdict": cell.ratio.verdict.value if cell.ratio else None}
+            for labels, cell in table.placed()
+        ],
         "footnotes": table.footnotes,
     }
     return json.dumps(content, indent=2, allow_nan=False) + "\n"
 
 
-def _json_values(cell: TableCell) -> dict[str, Any]:
-    ratio = cell.ratio and {
-        **dict(zip(("value", "low", "high", "p"), map(_json_number, _ratio_numbers(cell)), strict=True)),
-        "different": cell.ratio.mark == "*",
-        "equal": cell.ratio.mark == "=",
-    }
-    return {
-        "average": cell.kind,
-        **{name: _json_number(getattr(cell, name)) for name in ("mean", "low", "high")},
-        "geometric_mean": _json_number(cell.geometric),
-        "quartiles": [_json_number(value) for value in cell.quartiles],
-        **{name: int(getattr(cell, name)) for name in ("runs", "diverged", "failed", "missing", "locked")},
-        "replicate": cell.replicate,
-        "best": bool(cell.best),
-        "ratio": ratio,
-    }
-
-
-def _ratio_numbers(cell: TableCell) -> tuple[float, ...]:
-    """Return ratio to the baseline, lower and upper end of its interval, and p value. Without a ratio, return ()."""
-    if cell.ratio is None:
-        return ()
-    judgement = cell.ratio.judgement
-    return judgement.ratio, judgement.low, judgement.high, judgement.p
-
-
-def _json_number(value: float) -> float | str | None:
+def _json_value(value: object) -> object:
     if value == math.inf:
         return FAILED_VALUE
-    return float(value) if math.isfinite(value) else None
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
+def _values(cell: TableCell) -> dict[str, Any]:
+    """Return the numbers of a cell by name, for CSV and JSON."""
+    judgement = cell.ratio.judgement if cell.ratio else None
+    of_ratio = (judgement.ratio, judgement.low, judgement.high, judgement.p) if judgement else [math.nan] * 4
+    values = (
+        *(cell.kind, cell.mean, cell.low, cell.high, cell.runs, cell.diverged, cell.failed, cell.missing),
+        *(cell.replicate, *of_ratio, *cell.quartiles, cell.locked),
+        *(*share_interval(cell.diverged + cell.failed, cell.runs), cell.geometric),
+    )
+    return dict(zip(VALUES, values, strict=True))
 
 
 def tidy_csv(tables: Iterable[Table]) -> str:
@@ -272,12 +262,8 @@ def write_tidy_csv(tables: Iterable[Table], file: TextIO) -> None:
     writer.writerow(["metric", "unit", *FACTORS, *VALUES])
     for table in tables:
         for labels, cell in table.placed():
-            values = (
-                *map(csv_text, (table.metric, table.unit, *(labels[factor] for factor in FACTORS))),
-                *(cell.kind, cell.mean, cell.low, cell.high, cell.runs, cell.diverged, cell.failed, cell.missing),
-                *(cell.replicate, *(_ratio_numbers(cell) or [math.nan] * 4), *cell.quartiles, cell.locked),
-                *(*share_interval(cell.diverged + cell.failed, cell.runs), cell.geometric),
-            )
+            texts = map(csv_text, (table.metric, table.unit, *(labels[factor] for factor in FACTORS)))
+            values = [*texts, *_values(cell).values()]
             writer.writerow(["" if isinstance(value, float) and math.isnan(value) else value for value in values])
 
 
@@ -370,7 +356,7 @@ def breakable(text: object) -> "Markup":
     return Markup("<wbr>").join(escape(part) for part in BREAKS.split(str(text)))
 
 
-# Files of a single run that other programs read: trajectories in the TUM format, and updates as CSV.
+# Files of a single run that other programs read: trajectories in the TUM format.
 
 
 def write_tum_pair(folder: Path, recording: Recording, estimate: Estimate, counted: BoolArray) -> list[Path]:
@@ -405,34 +391,3 @@ def write_tum_pair(folder: Path, recording: Recording, estimate: Estimate, count
         text = table.to_csv(sep=" ", header=False, index=False, lineterminator="\n")
         write_text(folder / f"{name}.tum", text)
     return [folder / f"{name}.tum" for name in trajectories]
-
-
-MEASURED_ROWS = tuple(
-    f"{name}_{axis}_{unit}"
-    for name, unit in (("position", "m"), ("velocity", "mps"))
-    for axis in ("east", "north", "up")
-)
-"""Names of the six rows of a measurement with their units: position and velocity in ENU."""
-
-UPDATE_COLUMNS = (
-    *("t_s", "rows", "nis", "nis_used"),
-    *(f"innovation_{name}" for name in MEASURED_ROWS),
-    *(f"sigma_used_{name}" for name in MEASURED_ROWS),
-)
-
-
-def write_updates(path: Path, updates: Updates) -> None:
-    """Write a CSV file that contains one line for each update, at full precision.
-
-    ``sigma_used`` is the square root of the diagonal of the R that the adaptation returned, and infinite for a
-    measurement that the adaptation dropped. The values of missing measurements are empty. The column ``nis`` is
-    computed with the reported R, and ``nis_used`` with the R that the adaptation returned.
-
-    Raises:
-        JerkbenchError: the run has no updates.
-    """
-    if not len(updates.t_s):
-        raise JerkbenchError("The run has no stored updates, so no file was written.")
-    head = np.column_stack([updates.t_s, updates.rows, updates.nis, updates.nis_used])
-    table = np.hstack([head, updates.innovation, np.sqrt(updates.R_diagonal)])
-    write_text(path, pd.DataFrame(table, columns=UPDATE_COLUMNS).to_csv(index=False, lineterminator="\n"))
