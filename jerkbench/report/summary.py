@@ -7,8 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from jerkbench.evaluation.correlated_errors import MIN_CORRELATION_TIMES
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.intervals import ENOUGH, OUTLIER_FACTOR, share_interval
@@ -25,39 +23,11 @@ from jerkbench.report.columns import (
 )
 from jerkbench.report.comparisons import MAX_PAIRS, family_note, leaders_of
 from jerkbench.report.study_verdicts import StudyVerdicts, is_rival, study_verdicts
-from jerkbench.report.table_model import ABSENT, Grid, Table, TableCell, Values, arranged, number
+from jerkbench.report.table_model import ABSENT, Grid, Table, TableCell, Values, arranged
 from jerkbench.report.writers import latex, markdown, write_tidy_csv
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-_BOUND = "position_bound_m"
-"""The column with the lower bound of the metric `MAIN`."""
-
-_SCENARIO = ("dataset", "disturbance")
-"""Factors on which the bound depends. The attitude and the method have no influence on the bound."""
-
-_MAX_BOUNDS = 20
-"""Maximum number of bounds that the footnote lists."""
-
-
-def bound_note(metric: str, rows: "pd.DataFrame") -> Iterator[str]:
-    """Yield a footnote with the known lower bounds of the position RMSE and the number of scenarios without a bound."""
-    if metric != MAIN or _BOUND not in rows.columns:
-        return
-    count = len(rows[[*_SCENARIO]].drop_duplicates())
-    known = rows[np.isfinite(rows[_BOUND].to_numpy(dtype=float)) & (rows["status"] == "ok").to_numpy()]
-    texts = []
-    for scenario, of in known.groupby([*_SCENARIO], sort=False):
-        seeds = of.groupby("seed")[_BOUND].min().to_numpy()  # the root mean square over the seeds is the bound
-        texts.append(f"{number(float(np.sqrt(np.mean(seeds**2))))} ({', '.join(map(str, scenario))})")
-    more = [f"{len(texts) - _MAX_BOUNDS} more"] if len(texts) > _MAX_BOUNDS else []
-    unknown = [f"not known for {count - len(texts)} of {count} scenarios"] if len(texts) < count else []
-    yield (
-        "Posterior Cramér-Rao bound [m] from the true noises: the smallest RMSE of a causal filter that does not know"
-        f" the motion: {', '.join([*texts[:_MAX_BOUNDS], *more, *unknown])}."
-    )
 
 
 # Footnotes of a table: constant factors, explanation of the numbers, and failures.
@@ -90,9 +60,8 @@ def footnoted(table: Table, rows: "pd.DataFrame", notes: Sequence[str] = (), fam
     cells = [cell for row in table.cells for cell in row if cell is not None]
     same = ", ".join(f"{key} {value}" for key, value in table.constants)
     constants = (f"In every cell: {same}.",) if same else ()
-    limits = (*bound_note(table.metric, rows), *_outages(table, rows))
     texts = (*constants, *_reading(table, cells), *_ratios(table, cells, family), *_meaning(table, cells))
-    return dataclasses.replace(table, footnotes=(*texts, *limits, *_trouble(cells, rows), *notes))
+    return dataclasses.replace(table, footnotes=(*texts, *_trouble(cells, rows), *notes))
 
 
 def _reading(table: Table, cells: list[TableCell]) -> Iterator[str]:
@@ -132,11 +101,7 @@ def _ratios(table: Table, cells: list[TableCell], family: str) -> Iterator[str]:
     baseline = ", ".join(f"{key}={value}" for key, value in table.baseline)
     if any(c.factor for c in cells):
         yield f"×r: geometric mean of the ratio to {baseline} over the common seeds; median if runs failed."  # noqa: RUF001
-        if table.average == MEAN:
-            yield "The means are arithmetic, so their quotient differs from ×r."  # noqa: RUF001
         yield family
-    elif baseline:
-        yield f"Without a ratio to {baseline}: no seed has a value above 0 in both."
 
 
 def _meaning(table: Table, cells: list[TableCell]) -> Iterator[str]:
@@ -147,15 +112,6 @@ def _meaning(table: Table, cells: list[TableCell]) -> Iterator[str]:
         yield "n/a: the metric does not apply."
     if any(cell is None for row in table.cells for cell in row):
         yield f"{ABSENT}: this combination was not run."
-
-
-def _outages(table: Table, rows: "pd.DataFrame") -> Iterator[str]:
-    """Yield a footnote with the number of outages of a run that have a known error at the end of the outage."""
-    if table.metric in ("outage_end_m", "outage_end_max_m") and "outages_counted" in rows.columns:
-        counts = rows.loc[rows["status"] == "ok", "outages_counted"].dropna()
-        ends = dict.fromkeys(f"{int(of(counts))}" for of in (min, max) if len(counts))
-        if ends:
-            yield f"Outages of a run with a known error at the end: {' to '.join(ends)}."
 
 
 def _trouble(cells: list[TableCell], rows: "pd.DataFrame") -> Iterator[str]:
