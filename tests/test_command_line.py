@@ -95,7 +95,7 @@ def test_the_table_can_be_arranged_otherwise_with_ratios_and_findings(sweep, tmp
     done = verb("table", str(tmp_path), "--baseline", "adaptation=none", "--format", "html", cwd=tmp_path)
     assert '<span class="factor">' in done.stdout
     said = verb("table", str(study), "--findings", cwd=tmp_path).stdout
-    assert "pairs of methods" in said
+    assert "Each comparison uses" in said
     wrong = verb("table", str(study), "--baseline", "adaptation=nome", cwd=tmp_path)
     assert wrong.returncode == 2
     assert "Did you mean 'none'?" in wrong.stderr

@@ -23,7 +23,7 @@ MAX_MODULES, MAX_FOLDERS = 165, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
     "campaign": 1681,
-    "cli": 883,
+    "cli": 876,
     "compilation": 427,
     "evaluation": 980,
     "hydra_app": 719,
@@ -35,7 +35,7 @@ MAX_CODE = {
     "jobs": 1771,
     "kinematic": 1309,
     "plugins": 806,
-    "report": 2935,
+    "report": 2660,
     "simulation": 598,
 }
 """Lines of code of each package without docstrings, comments, blank lines, imports and plugins. They may only fall."""

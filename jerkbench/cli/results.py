@@ -94,7 +94,6 @@ def _findings(study: "Study", verdicts: "StudyVerdicts", baseline: "Mapping[str,
     If no baseline is given, the text contains the main result of the study, the comparisons over all scenarios, and the
     comparisons with the default baselines.
     """
-    from jerkbench.report.comparisons import counts_of_verdicts
     from jerkbench.report.findings import answer, findings
     from jerkbench.report.study_verdicts import across
 
@@ -105,7 +104,7 @@ def _findings(study: "Study", verdicts: "StudyVerdicts", baseline: "Mapping[str,
     if baseline or not any(len(standing.rivals) > 1 for standing in standings):
         return "\n".join(compared)
     title, details = answer(standings)
-    several = *details, *counts_of_verdicts(standings), *across(verdicts), *compared
+    several = *details, *across(verdicts), *compared
     return "\n".join([f"{title.rstrip('.')}.", *several])
 
 

@@ -1,7 +1,6 @@
 """Comparisons of methods on common seeds, the parameters of verdicts, and the best methods of each scenario."""
 
 import math
-from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
@@ -13,7 +12,6 @@ from jerkbench.errors import JerkbenchError, require_known
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.intervals import OUTLIER_FACTOR, failure_bound, seeds_without_failure, up_to
 from jerkbench.evaluation.judgement import (
-    BY_FAILURES,
     DEFEATS,
     LEVEL,
     MARGIN,
@@ -384,19 +382,3 @@ class Standing(NamedTuple):
     def name(self, combination: Combination) -> str:
         """Return the name of a method: its labels of the factors in ``method``, joined by "+"."""
         return "+".join(getattr(combination, key) for key in self.method)
-
-
-def counts_of_verdicts(standings: Sequence[Standing]) -> list[str]:
-    """Return a list with one sentence that counts the pairs with each verdict, or no sentence without tested pairs."""
-    compared = [pair for standing in standings for pair in standing.tested]
-    if not compared:
-        return []
-    verdicts, rule = Counter(pair.verdict for pair in compared), compared[0].rule
-    parts = [
-        (verdicts[Verdict.BETTER] + verdicts[Verdict.WORSE], "differ significantly"),
-        (sum(verdicts[verdict] for verdict in BY_FAILURES), "differ in their failure rates"),
-        (verdicts[Verdict.SMALL], rule.small),
-        (verdicts[Verdict.EQUAL], f"are {rule.equal}"),
-        (verdicts[Verdict.UNDECIDED], f"are undecided{not_excluded(compared)}"),
-    ]
-    return [f"Of {len(compared)} pairs of methods, {', '.join(f'{count} {text}' for count, text in parts if count)}."]

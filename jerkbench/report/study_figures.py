@@ -457,5 +457,5 @@ def write_report(
     manifest = read_manifest(study.folder)
     about = {key: {**study.metadata[key], "labels": labels} for key, labels in study.labels.items()}
     name, provenance = study.folder.resolve().name, {key: manifest[key] for key in PROVENANCE if key in manifest}
-    given = name, study.rows, list(study.keys), about, study.notes, provenance, pictures, stretches
+    given = name, study.rows, about, study.notes, provenance, pictures, stretches
     write_text(path, page(*given, rule=rule, method=method))

@@ -48,7 +48,7 @@
       width: Math.max(240, box.clientWidth),
       height,
       scales: { x: { time: false }, y: log ? { distr: 3, log: 10 } : {} },
-      cursor: { drag: { x: true, y: false }, sync: zoomed ? { key: "errors" } : undefined },
+      cursor: { drag: { x: true, y: false }, sync: { key: "errors" } },
       axes: [axis("Time [s]", { values: (_, all) => tick(all), size: 34 }), axis(label, { values: (_, all) => tick(all), size: 62 })],
       series: [
         { label: "time", value: (_, t) => (t === null ? "–" : `${t.toFixed(1)} s`) },
@@ -65,7 +65,7 @@
   function scaled(plot, zoomed) {
     const { min, max } = plot.scales.x;
     plot.root.parentElement.dataset.range = `${min} ${max}`;
-    if (zoomed) zoomed(plot);
+    zoomed(plot);
   }
 
   let plots = [];
@@ -160,27 +160,8 @@
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
   }
 
-  let cell = null;
-
-  function drawCell() {
-    const box = byId("cell-trace");
-    box.replaceChildren();
-    for (const scenario of traces.scenarios) {
-      const line = scenario.lines.find((one) => one.key === cell);
-      if (line === undefined) continue;
-      const note = Object.assign(document.createElement("p"), { className: "muted", textContent: `${scenario.name}: ${scenario.draw}` });
-      box.append(note);
-      plotted(box, scenario, [{ ...line, values: error(line) }], "Position error [m]", { log: true, height: 220 });
-    }
-    if (!box.hasChildNodes()) box.textContent = "The error of this combination over time is not in this file.";
-  }
-
-  document.addEventListener("cell", (event) => {
-    cell = event.detail;
-    drawCell();
-  });
-  window.addEventListener("resize", () => {
-    if (byId("cell-trace")?.closest("dialog").open) drawCell();
+  window.addEventListener("beforeprint", () => {
+    for (const one of document.querySelectorAll("#section-figures details, #section-findings details")) one.open = true;
   });
   if (traces.scenarios.length) start();
 }

@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from jerkbench.report.columns import METHOD, SCENARIO_FACTORS, competes, quantity, varying_factors
-from jerkbench.report.findings import certain_size, informative_standings
+from jerkbench.report.findings import certain_size
 from jerkbench.report.plots.style import (
     LOGARITHMIC_FROM,
     MEASURED,
@@ -265,7 +265,7 @@ def by_difference(rows: "pd.DataFrame", metric: str, names: Sequence[str]) -> li
         names: names of the scenarios that can be drawn, in the form "data set, disturbance, attitude".
     """
     largest = dict.fromkeys(names, 0.0)
-    for standing in informative_standings(study_verdicts(rows, metric).standings):
+    for standing in study_verdicts(rows, metric).standings:
         for pair in standing.tested:
             name = ", ".join(pair.subject[:3])
             largest[name] = max(largest.get(name, 0.0), certain_size(pair.judgement))
