@@ -62,14 +62,8 @@ SPECIAL = {
 
 SETUP = r"\sisetup{detect-weight=true, mode=text}"
 
-_PAGE = 44
-"""Maximum number of table lines that fit on a page together with the caption and some footnotes."""
-
 _PLAIN = re.compile(r"-?[0-9]+(\.[0-9]+)?")
 """Matches numbers that siunitx can align in a column."""
-
-_UNITS = {"%": r"\percent", "µs": r"\micro\second", "deg": r"\degree"}
-"""The siunitx macro of each unit that is not written as it is."""
 
 VALUES = (
     *("average", "mean", "low", "high", "runs", "diverged", "failed", "missing", "replicate"),
@@ -109,12 +103,6 @@ def markdown_grid(
     return "\n".join(["#" * level + f" {_inactive(title)}", "", head, rule, *body, *[""] * bool(notes), *listed, ""])
 
 
-def plain_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
-    """Return rows of texts as a Markdown table. The texts are not escaped, so they must come from a trusted source."""
-    lines = [[*map(str, line)] for line in (head, *rows)]
-    return "\n".join("| " + " | ".join(line) + " |" for line in (lines[0], ["---"] * len(lines[0]), *lines[1:]))
-
-
 def passive(text: str) -> str:
     """Return Markdown in which HTML tags, images and links are escaped, so that they are displayed as text."""
     return ACTIVE.sub(r"\\\g<0>", text)
@@ -128,30 +116,22 @@ def _inactive(text: str) -> str:
 def latex(table: Table) -> str:
     """Return a LaTeX ``table`` with caption, booktabs rules, aligned numbers and footnotes.
 
-    A table that is too long for a page is written as a ``longtable``, which repeats its header on each page. The first
-    line of the result is a comment that lists the required LaTeX packages.
+    The first line of the result is a comment that lists the required LaTeX packages.
     """
     keys = len(table.row_keys)
     columns = "l" * keys + "".join(map(_column_type, zip(*table.cells, strict=True)))
     heads = [latex_escaped(text) for text in table.header]
     ruled = [r"    \toprule", _line([*heads[:keys], *(f"{{{text}}}" for text in heads[keys:])]), r"    \midrule"]
-    caption = rf"\caption{{{_titled(table)}}}\label{{tab:{table.metric.replace('_', '-')}}}"
+    caption = rf"\caption{{{latex_escaped(table.title)}}}\label{{tab:{table.metric.replace('_', '-')}}}"
     body = [line for row in zip(table.sparse_rows, table.cells, strict=True) for line in _lines(*row)]
     notes = [rf"    {latex_escaped(note)}\par" for note in table.footnotes]
     if notes:
         begin = [r"", r"  \smallskip", r"  \noindent\begin{minipage}{\linewidth}\footnotesize\raggedright"]
         notes = [*begin, *notes, r"  \end{minipage}"]
-    if len(body) > _PAGE:
-        packages = "booktabs,siunitx,longtable"
-        start = [r"{", rf"  \small{SETUP}", rf"  \begin{{longtable}}{{{columns}}}", rf"    {caption}\\"]
-        head = [*ruled, r"    \endfirsthead", *ruled, r"    \endhead", r"    \bottomrule", r"    \endfoot"]
-        inside, end = [*start, *head, *body, r"  \end{longtable}"], "}"
-    else:
-        packages = "booktabs,siunitx"
-        start = [r"\begin{table}", r"  \centering", rf"  {SETUP}", f"  {caption}", r"  \small"]
-        head = [rf"  \begin{{tabular}}{{{columns}}}", *ruled]
-        inside, end = [*start, *head, *body, r"    \bottomrule", r"  \end{tabular}"], r"\end{table}"
-    return "\n".join([rf"% \usepackage{{{packages}}}", *inside, *notes, end, ""])
+    start = [r"\begin{table}", r"  \centering", rf"  {SETUP}", f"  {caption}", r"  \small"]
+    head = [rf"  \begin{{tabular}}{{{columns}}}", *ruled]
+    end = [r"    \bottomrule", r"  \end{tabular}", *notes, r"\end{table}", ""]
+    return "\n".join([r"% \usepackage{booktabs,siunitx}", *start, *head, *body, *end])
 
 
 def latex_escaped(text: str) -> str:
@@ -190,14 +170,6 @@ def _column_type(cells: Sequence[TableCell | None]) -> str:
         return "c"
     integers, decimals = (max(len(text.partition(".")[k]) for text in numbers) for k in (0, 2))
     return f"S[table-format={integers}.{decimals}]"
-
-
-def _titled(table: Table) -> str:
-    """Return the title of a table as LaTeX. A unit in brackets at the end becomes a siunitx unit."""
-    unit = f" [{table.unit}]"
-    if not table.unit or not table.title.endswith(unit):
-        return latex_escaped(table.title)
-    return rf"{latex_escaped(table.title.removesuffix(unit))} {{[}}\unit{{{_UNITS.get(table.unit, table.unit)}}}{{]}}"
 
 
 def html_table(table: Table, level: int = 2) -> str:
