@@ -10,12 +10,11 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import JerkbenchError, require_known
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.evaluation.intervals import OUTLIER_FACTOR, failure_bound, seeds_without_failure, up_to
+from jerkbench.evaluation.intervals import OUTLIER_FACTOR, failure_bound, up_to
 from jerkbench.evaluation.judgement import (
     DEFEATS,
     LEVEL,
     MARGIN,
-    NOT_EXCLUDED,
     WINS,
     Judgement,
     LogRatios,
@@ -309,17 +308,8 @@ def family_note(comparisons: Sequence[Comparison]) -> str:
     count = sum(comparison.verdict is Verdict.UNDECIDED for comparison in tested)
     floored = sum(comparison.below_floor for comparison in tested)
     why = f", {floored} of them because the difference is less than the sigma of the reference" if floored else ""
-    undecided = f" Undecided: {count} of {len(tested)}{not_excluded(tested)}{why}." if count else ""
+    undecided = f" Undecided: {count} of {len(tested)}{why}." if count else ""
     return f"{marks} {test}{undecided} Runs of each method: {failures_range(one.judgement for one in tested)}."
-
-
-def not_excluded(compared: Iterable[Comparison]) -> str:
-    """Return text with the number of comparisons that are undecided only because rare failures cannot be excluded."""
-    near = [one.rule.margin for one in compared if one.judgement.reason == NOT_EXCLUDED]
-    if not near:
-        return ""
-    within, needed = f"{len(near)} of them within {100 * near[0]:g} %", seeds_without_failure(near[0])
-    return f", {within}, because {NOT_EXCLUDED} ({needed} seeds without a failure exclude them)"
 
 
 def failures_range(judgements: Iterable[Judgement]) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from jerkbench.report.columns import quantity
 from jerkbench.report.comparisons import RULE, VerdictRule
 from jerkbench.report.findings import answer, findings, study_baselines
-from jerkbench.report.page_content import ERROR_SCALE, MAX_FINDINGS, matrix, settings
+from jerkbench.report.page_content import MAX_FINDINGS, matrix, settings
 from jerkbench.report.plots.studies import Picture
 from jerkbench.report.review import review
 from jerkbench.report.study_verdicts import across, study_verdicts
@@ -46,7 +46,7 @@ def page(
         notes: notes below the tables.
         provenance: entries of the manifest: command, time, commit, versions of libraries, and computer.
         pictures: figures of the study.
-        curves: errors over time of each scenario, as encoded by `jerkbench.report.study_figures`.
+        curves: errors over time of each scenario, as returned by `jerkbench.report.study_figures.draw_study`.
         rule: margin and level of the verdicts.
         method: factors that define a method, or None for the default of `study_verdicts`.
     """
@@ -77,7 +77,7 @@ def page(
         checks=checks,
         table=Markup(html_table(table, level=3)),  # noqa: S704 - its template escapes
         gallery=gallery(pictures, without=("errors",) if curves else ()),
-        traces={**ERROR_SCALE, "scenarios": curves},
+        traces={"scenarios": curves},
         independence=[note for note in notes if "ndependent of" in note] or ["Not stated."],
         provenance=[(key, _plain(value)) for key, value in provenance.items()],
     )

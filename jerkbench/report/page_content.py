@@ -1,7 +1,5 @@
 """The content of a report: matrix of error ratios, parameters of the methods, and errors over time."""
 
-import base64
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -46,15 +44,11 @@ def settings(about: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
 
 # The matrix of a study: the error of each method in each scenario, relative to a reference method.
 
-MANY_SCENARIOS = 8
-"""If a study has more scenarios than this, and more scenarios than methods, the rows of the matrix are scenarios."""
-
 
 def matrix(standings: Sequence[Standing]) -> dict[str, Any] | None:
     """Return the matrix of error ratios of a study, or None if no comparison was tested.
 
-    The matrix has a row for each method and a column for each scenario. If there are many scenarios, the matrix is
-    transposed.
+    The matrix has a row for each method and a column for each scenario.
     """
     tested = [standing for standing in standings if standing.tested]
     if not tested:
@@ -65,11 +59,7 @@ def matrix(standings: Sequence[Standing]) -> dict[str, Any] | None:
     seen = [against(standing, reference) for standing in tested]
     names.sort(key=lambda name: mean_log_ratio(seen, name))
     rows = [[_matrix_cell(standing, seen[k], name, reference) for k, standing in enumerate(tested)] for name in names]
-    corner, columns, labels = "method", scenarios, names
-    if len(scenarios) > MANY_SCENARIOS and len(scenarios) > len(names):
-        corner, columns, labels, rows = "scenario", names, scenarios, [list(cells) for cells in zip(*rows, strict=True)]
-    lines = list(zip(labels, rows, strict=True))
-    return {"reference": reference, "corner": corner, "columns": columns, "lines": lines}
+    return {"reference": reference, "columns": scenarios, "lines": list(zip(names, rows, strict=True))}
 
 
 def _matrix_cell(
@@ -95,19 +85,10 @@ def _matrix_cell(
     return cell | {"text": text, "style": style, "failed": failed}
 
 
-# Data for the script of the page: errors over time (two bytes for each error).
-
-LOWEST, MAX_AXIS_M = 1e-9, 1e9
-"""Range of the encoded errors [m]. Errors outside this range are clipped."""
-
-LEVELS = 65534
-"""Number of steps of the encoded logarithm. The errors of adjacent steps differ by 0.06 %."""
-
-ERROR_SCALE = {"lowest": LOWEST, "decades": math.log10(MAX_AXIS_M / LOWEST), "levels": LEVELS}
-"""The scale of the encoded errors, from which the script of the page decodes them."""
+# Data for the script of the page: errors over time.
 
 
-def largest_of_steps(t_s: FloatArray, error_m: FloatArray, edges_s: FloatArray) -> FloatArray:
+def largest_of_steps(t_s: FloatArray, error_m: FloatArray, edges_s: FloatArray) -> list[float | None]:
     """Return the largest of all errors that fall into each time step.
 
     Args:
@@ -116,22 +97,10 @@ def largest_of_steps(t_s: FloatArray, error_m: FloatArray, edges_s: FloatArray) 
         edges_s: (n + 1,) start of each of the n time steps, and end of the last time step [s].
 
     Returns:
-        (n,) largest error in each time step [m], or NaN for a time step without a known error.
+        Largest error in each time step [m] with four digits, or None for a time step without a known error.
     """
     known = np.isfinite(error_m)
     index = np.clip(np.searchsorted(edges_s, t_s[known], side="right") - 1, 0, len(edges_s) - 2)
     largest = np.full(len(edges_s) - 1, -np.inf)
     np.maximum.at(largest, index, error_m[known])
-    return np.where(np.isinf(largest), np.nan, largest)
-
-
-def encoded(error_m: FloatArray) -> str:
-    """Return errors [m] as base64 text for the script of the page.
-
-    The logarithms of the errors are encoded as integers from 1 to 65535, and NaN as 0.
-    """
-    span = np.log10(MAX_AXIS_M / LOWEST)
-    with np.errstate(invalid="ignore"):
-        share = np.log10(np.clip(error_m, LOWEST, MAX_AXIS_M) / LOWEST) / span
-    steps = np.where(np.isnan(share), 0, 1 + np.round(np.nan_to_num(share) * LEVELS))
-    return base64.b64encode(steps.astype("<u2").tobytes()).decode()
+    return [float(f"{error:.4g}") if np.isfinite(error) else None for error in largest]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from jerkbench import plugins
 from jerkbench.notices import plain
 from jerkbench.parameters import provenance_of
-from jerkbench.report.columns import FACTORS, GNSS_ONLY, MAIN, SCENARIO_FACTORS, WHY
+from jerkbench.report.columns import FACTORS, GNSS_ONLY, MAIN, REFERENCE_METHODS, SCENARIO_FACTORS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -83,9 +83,9 @@ def damaged_files(names: Sequence[str]) -> str:
 def _provenance_notes(cells: Sequence[JobMetadata]) -> list[str]:
     """Return a note that lists the simplified and the unpublished methods of a study, except reference methods."""
     named_by_kind: dict[str, list[str]] = {"simplified": [], "own": []}
-    for kind, name in sorted({(kind, str(cell["spec"][kind]["name"])) for cell in cells for kind in WHY}):
+    for kind, name in sorted({(kind, str(cell["spec"][kind]["name"])) for cell in cells for kind in REFERENCE_METHODS}):
         known = provenance_of(plugins.get(kind, name)) if name in plugins.names(kind) else None
-        if known and known.kind in named_by_kind and name not in WHY[kind]:
+        if known and known.kind in named_by_kind and name != REFERENCE_METHODS[kind]:
             named_by_kind[known.kind].append(name)
     named = "; ".join(f"{kind}: {', '.join(names)}" for kind, names in named_by_kind.items() if names)
     return [f"Not as published: {named}. `jerkbench show` describes the differences."] if named else []

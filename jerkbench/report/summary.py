@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from jerkbench.evaluation.correlated_errors import MIN_CORRELATION_TIMES
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.evaluation.intervals import ENOUGH, OUTLIER_FACTOR, share_interval
+from jerkbench.evaluation.intervals import OUTLIER_FACTOR, share_interval
 from jerkbench.evaluation.over_seeds import GEOMETRIC, MEAN, MEDIAN
 from jerkbench.files import write_atomically, write_text
 from jerkbench.report.columns import (
@@ -18,7 +18,6 @@ from jerkbench.report.columns import (
     declared,
     metric_columns,
     quantity,
-    references_note,
     with_metric,
 )
 from jerkbench.report.comparisons import MAX_PAIRS, family_note, leaders_of
@@ -60,20 +59,18 @@ def footnoted(table: Table, rows: "pd.DataFrame", notes: Sequence[str] = (), fam
     cells = [cell for row in table.cells for cell in row if cell is not None]
     same = ", ".join(f"{key} {value}" for key, value in table.constants)
     constants = (f"In every cell: {same}.",) if same else ()
-    texts = (*constants, *_reading(table, cells), *_ratios(table, cells, family), *_meaning(table, cells))
+    texts = (*constants, *_reading(cells), *_ratios(table, cells, family), *_meaning(table, cells))
     return dataclasses.replace(table, footnotes=(*texts, *_trouble(cells, rows), *notes))
 
 
-def _reading(table: Table, cells: list[TableCell]) -> Iterator[str]:
+def _reading(cells: list[TableCell]) -> Iterator[str]:
     """Yield footnotes that explain the averages, the intervals, and the marks of the best methods."""
     seeded = [c for c in cells if c.interval and c.replicate == "seed"]
     for kind, template in _KINDS.items():
         used = [cell.runs if kind == MEDIAN else cell.used for cell in seeded if cell.kind == kind]
         if used:
             seeds = f"{max(used)}" if min(used) == max(used) else f"{min(used)} to {max(used)}"
-            few = kind == GEOMETRIC and min(used) < ENOUGH
-            widened = f" With fewer than {ENOUGH} seeds it is widened for skewed errors." * few
-            yield template.format(seeds=seeds) + widened
+            yield template.format(seeds=seeds)
     if any(c.geometric_text for c in cells):
         yield GEOMETRIC_NOTE
     recorded = [c for c in cells if c.recording_interval and c.used]
@@ -91,9 +88,7 @@ def _reading(table: Table, cells: list[TableCell]) -> Iterator[str]:
     if any(c.interval for c in cells if c.replicate == "phase" and not c.recording_interval):
         yield "{low–high}: range over the phases of one recording, not a confidence interval."  # noqa: RUF001 - a range
     if any(c.best for c in cells):
-        placed = [labels.items() for labels, _ in table.placed()]
-        labels = {key: {value for items in placed for name, value in items if name == key} for key in FACTORS}
-        yield f"{_BEST} {references_note(labels)}".strip()
+        yield _BEST
 
 
 def _ratios(table: Table, cells: list[TableCell], family: str) -> Iterator[str]:

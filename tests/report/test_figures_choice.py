@@ -91,10 +91,10 @@ def test_the_users_own_method_is_drawn_however_bad_and_what_is_wanted_whatever_i
     others = [cell_of(place, "jerk", name) for place, name in enumerate(METHODS)]
     own = [cell_of(90, "jerk", "mine(x=1)"), cell_of(80, "baseline", "mine(x=2)"), cell_of(99, "command", "none")]
     assert "baseline + mine(x=2)" in drawn([*others, *own[:2]])
-    assert drawn([*others, *own])[:3] == ["jerk + mtf", "baseline + mine(x=2)", "command + none"]
+    assert drawn([*others, *own])[:4] == ["jerk + mtf", "baseline + mine(x=2)", "jerk + mine(x=1)", "command + none"]
     assert len(drawn([*others, *own])) == 6
     few = drawn([*others, *own], wanted=[("jerk", "huber_r")])
-    assert few == ["jerk + mtf", "baseline + mine(x=2)", "command + none", "jerk + huber_r"]
+    assert few == ["jerk + mtf", "baseline + mine(x=2)", "jerk + mine(x=1)", "command + none", "jerk + huber_r"]
     assert drawn(others, wanted=[("jerk", name) for name in METHODS]) == [f"jerk + {name}" for name in METHODS]
 
 

@@ -4,20 +4,8 @@
   const byId = (id) => document.getElementById(id);
   const ink = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
-  function decoded(text) {
-    const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-    const steps = new Uint16Array(bytes.buffer);
-    const metres = (step) => traces.lowest * 10 ** ((traces.decades * (step - 1)) / traces.levels);
-    return Array.from(steps, (step) => (step === 0 ? null : metres(step)));
-  }
-
-  function error(line) {
-    line.values ??= decoded(line.error);
-    return line.values;
-  }
-
   function times(scenario) {
-    return error(scenario.lines[0]).map((_, place) => scenario.start + (place + 0.5) * scenario.step);
+    return scenario.lines[0].error.map((_, place) => scenario.start + (place + 0.5) * scenario.step);
   }
 
   function shade(scenario) {
@@ -106,9 +94,9 @@
     const kept = plots.length ? { ...plots[0].scales.x } : null;
     for (const plot of plots) plot.destroy();
     const lines = a === b ? [a] : [a, b];
-    const series = lines.map((one) => ({ ...one, values: error(one) }));
+    const series = lines.map((one) => ({ ...one, values: one.error }));
     const log = byId("trace-log").checked;
-    const quotient = error(b).map((value, place) => (value === null || error(a)[place] === null ? null : value / error(a)[place]));
+    const quotient = b.error.map((value, place) => (value === null || !a.error[place] ? null : value / a.error[place]));
     const ratio = [{ name: `${b.name} / ${a.name}`, colour: ink("--ink"), dash: [], values: quotient }];
     plots = [];
     const upper = plotted(byId("trace-error"), scenario, series, "Position error [m]", { log, height: 300, zoomed: together });

@@ -157,7 +157,7 @@ def test_the_table_has_ratios_marks_and_what_they_mean_and_html_escapes(study):
     for words in (
         "ratio to adaptation=none over the common seeds",
         "At most 5 % of such studies have any wrong mark (max-t test of all 10 comparisons",
-        "Undecided: 2 of 3, 1 of them within 3 %, because rare failures cannot be excluded (99 seeds without",
+        "Undecided: 2 of 3.",
         "Runs of each method: 0 of 20 failed (up to 14 %).",
     ):
         assert words in said
@@ -250,14 +250,12 @@ def test_a_baseline_is_read_and_a_wrong_one_is_a_sentence(study):
 
 
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="pdflatex is not there")
-@pytest.mark.parametrize("scenarios", [1, 30])
-def test_latex_compiles_and_fits_its_pages(study, tmp_path, scenarios):
-    lost = pd.concat([study.assign(disturbance=f"d{k:02}") for k in range(scenarios)])
+def test_latex_compiles_and_fits_its_page(study, tmp_path):
+    lost = study.copy()
     lost.loc[lost["adaptation"] == "chance", "status"] = "diverged"
     tiny = lost.assign(position_rmse_m=lost["position_rmse_m"].where(lost["adaptation"] != "copy", 1e-7))
     text = latex(summarise(tiny, "position_rmse_m", baseline=NONE, notes=("100% of R_k & {x} #1 ~ ^ <$> ± σ",)))  # noqa: RUF001
-    assert ("longtable" in text) is (scenarios > 1)
-    packages = r"\usepackage[T1]{fontenc}\usepackage{booktabs,longtable,siunitx}"
+    packages = r"\usepackage[T1]{fontenc}\usepackage{booktabs,siunitx}"
     (tmp_path / "t.tex").write_text(
         rf"\documentclass{{article}}{packages}\begin{{document}}{text}\end{{document}}", encoding="utf-8"
     )
