@@ -183,7 +183,6 @@ class Files:
             self.ask(f"table {name}", ["table", folder, *words])
         self.ask("findings", ["table", folder, "--findings", "--all"])
         self.ask("compare md", ["compare", folder, str(whole), "--format", "md"])
-        self.ask("compare junit", ["compare", folder, str(whole), "--format", "junit"])
         self.ask("cite", ["cite", folder])
         self.ask("report", ["report", folder, "--scenarios", "0"])
         for path in sorted(study.rglob("*")):

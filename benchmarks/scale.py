@@ -28,7 +28,7 @@ from jerkbench.jobs.rows import Task, job_rows
 from jerkbench.jobs.run import blocks_of, origin
 from jerkbench.jobs.store import RowBlock, Store, table_of
 from jerkbench.jobs.study import load_study, write_study
-from jerkbench.report.terminal import print_beginning
+from jerkbench.report.terminal import MAX_ROWS, print_table
 
 FILTERS, ADAPTATIONS = ("jerk", "baseline"), ("none", "mtf", "huber", "sage_husa")
 BUNDLE = 64
@@ -111,7 +111,7 @@ def main() -> None:
         table = tell("rows.csv and tables written", n, lambda: write_study(study))
         with contextlib.redirect_stdout(io.StringIO()):
             printed = time.process_time()
-            print_beginning(table)
+            print_table(table, Path(place), max_rows=MAX_ROWS)
             printed = time.process_time() - printed
         print(f"{'table printed':<44}{printed:>9.2f} s")
 

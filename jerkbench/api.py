@@ -255,7 +255,7 @@ def report(
         study: The study or its folder.
         path: Path of the HTML file, by default report.html in the folder of the study.
         scenarios: Maximum number of scenarios for which figures of the runs are drawn.
-        figures: Selection of the figures: "few" (scenarios and methods with a finding), "all" or "none".
+        figures: Selection of the figures: "few" (three scenarios), "all" or "none".
         run_programs: Whether the report may run the external programs that the stored results name. Use True only for
             results that you trust.
 

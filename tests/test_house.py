@@ -23,10 +23,10 @@ MAX_MODULES, MAX_FOLDERS = 165, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
     "campaign": 1681,
-    "cli": 885,
+    "cli": 876,
     "compilation": 427,
-    "evaluation": 980,
-    "hydra_app": 720,
+    "evaluation": 978,
+    "hydra_app": 719,
     "hydra_plugins": 15,
     "inertial": 1038,
     "inspection": 1788,
@@ -35,7 +35,7 @@ MAX_CODE = {
     "jobs": 1771,
     "kinematic": 1309,
     "plugins": 806,
-    "report": 3117,
+    "report": 2580,
     "simulation": 598,
 }
 """Lines of code of each package without docstrings, comments, blank lines, imports and plugins. They may only fall."""

@@ -252,7 +252,6 @@ def test_every_command_of_own_log_goes_well_and_prints_what_the_page_shows(reade
     assert {
         name: float(line.split()[1]) for line in shown.splitlines() for name in errors_m if f" {name} " in line
     } == errors_m
-    assert "Outages of a run with a known error at the end: 1." in table
     assert (folder / "results/first/tune/baseline-none/export/robot_localization.yaml").is_file()
     words = ("data", "inspect", "gnss.csv", "--preset", "my_drive.yaml")
     assert "dataset/my_drive.yaml already exists" in verb(*words, cwd=reader[0]).stderr

@@ -7,7 +7,6 @@ from jerkbench.hydra_app.composition import composed
 from jerkbench.jobs.names import choose
 from jerkbench.presets import preset_names
 from jerkbench.renamed import RENAMED, new_argument, new_label
-from jerkbench.report.changes import named_study
 from jerkbench.report.comparisons import parse_baseline
 
 PAIRS = [(kind, old, new) for kind, names in RENAMED.items() for old, new in names.items()]
@@ -61,7 +60,6 @@ def test_labels_of_stored_rows_are_read_with_the_names_of_today(kind, stored, sh
 
 def test_a_choice_of_stored_rows_may_have_old_names():
     assert parse_baseline("noise=own;disturbance=bias") == {"noise": "default", "disturbance": "imu_bias"}
-    assert named_study("study:jerk+none+own")[1] == {"filter": "jerk", "adaptation": "none", "noise": "default"}
 
 
 @pytest.mark.parametrize(

@@ -171,26 +171,6 @@ def test_ten_findings_are_printed_and_all_on_request(tmp_path):
     assert few == [*every[:10], "5 more comparisons: --findings --all prints them."]
 
 
-def test_the_adapted_noise_of_a_row_is_exported(study, tmp_path):
-    rows = pd.read_csv(study / "rows.csv")
-    tables = {}
-    for adaptation in ("none", "mtf"):
-        place = rows.index[(rows["adaptation"] == adaptation) & (rows["filter"] == "jerk")][0] + 1
-        path = tmp_path / f"{adaptation}.csv"
-        done = verb("export", str(study), str(place), "--updates", str(path), cwd=study)
-        assert done.stdout == f"{path}\n"
-        tables[adaptation] = pd.read_csv(path)
-    plain, adapted = tables.values()
-    assert plain["t_s"].is_monotonic_increasing
-    assert np.allclose(plain["nis"], plain["nis_used"])
-    sigmas = plain.filter(like="sigma_used")
-    assert sigmas.shape[1] == 6
-    reported = [0.01, 0.01, 0.02, 0.03, 0.03, 0.06]
-    assert np.allclose(sigmas, reported)
-    assert (adapted.filter(like="sigma_used") > 1.01 * np.array(reported)).any(axis=None)
-    assert "--updates FILE.csv" in verb("export", str(study), "1", cwd=study).stderr
-
-
 def test_the_time_a_step_stands_below_the_table(study):
     text = verb("table", str(study), "--costs", "--format", "csv", cwd=study).stdout
     costs = pd.read_csv(io.StringIO(text[text.rindex("metric,") :]))

@@ -13,14 +13,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from tables import VERDICT_HEADS, Errors, lowest, verdict_cells, verdicts_on
-from trials import METHODS, session_of, with_noise
+from trials import METHODS, plain_table, session_of, with_noise
 
 from jerkbench.api import disturb, estimate, evaluate
 from jerkbench.attitude.common import TiltAndYaw
 from jerkbench.attitude.reference import ReferenceAttitude
 from jerkbench.estimate import Attitude
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
-from jerkbench.report.writers import plain_table
 
 UNSOUND = ("2011_09_30_drive_0028", "2011_09_26_drive_0093")
 """Their places have steps."""

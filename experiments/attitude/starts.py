@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from trials import kitti_pieces
+from trials import kitti_pieces, plain_table
 
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.common import tilt_start
 from jerkbench.evaluation.counted_rows import angle_between
 from jerkbench.geometry import vertical_in_body
 from jerkbench.recording import Position, Recording
-from jerkbench.report.writers import plain_table
 
 FIX_SIGMAS_M = (0.02, 1.0)
 """Of the fixes, one a second: the reference's places with white noise."""

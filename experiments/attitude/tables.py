@@ -12,12 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from trials import DEFAULTS, DOMAINS, METHODS, SETTINGS, session_of
+from trials import DEFAULTS, DOMAINS, METHODS, SETTINGS, plain_table, session_of
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.evaluation.intervals import quantiles_of_rows
 from jerkbench.evaluation.judgement import sign_p
-from jerkbench.report.writers import plain_table
 
 TUNINGS, TRIED_EACH = 16, 16
 

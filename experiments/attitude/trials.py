@@ -8,7 +8,7 @@ Recordings are cut where samples are missing, so that a trial consists of one or
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -318,3 +318,9 @@ def _store(path: Path, trial: Trial, count: int) -> None:
     partial_file = path.with_suffix(".partial")
     trial_rows(trial, count).to_parquet(partial_file, index=False)
     partial_file.replace(path)
+
+
+def plain_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
+    """Return rows of texts as a Markdown table."""
+    lines = [[*map(str, line)] for line in (head, *rows)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in (lines[0], ["---"] * len(lines[0]), *lines[1:]))

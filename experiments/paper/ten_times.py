@@ -15,7 +15,7 @@ from jerkbench.evaluation.judgement import LEVEL, Judgement, LogRatios, Verdict,
 from jerkbench.jobs.study import load_study
 from jerkbench.report.columns import varying_factors
 from jerkbench.report.comparisons import Comparison
-from jerkbench.report.findings import failures_clause, method_names
+from jerkbench.report.findings import method_names
 from jerkbench.report.study_verdicts import study_verdicts
 from jerkbench.report.table_model import number
 
@@ -123,8 +123,8 @@ def _head(comparison: Comparison, varying: Sequence[str]) -> str:
 
 def _sentence(comparison: Comparison, varying: Sequence[str]) -> str:
     head, word = _head(comparison, varying), claim_word(comparison)
-    subject, baseline, where = method_names(comparison, varying)
-    lost = failures_clause(comparison, subject, baseline)
+    _, _, where = method_names(comparison, varying)
+    lost = "" if comparison.phases else f"; {comparison.judgement.failure_rates}"
     if (n := comparison.judgement.n) == 0:
         return f"{head} Nothing can be said{where}: no run of both has a value."
     times, low, high = map(number, better(comparison))

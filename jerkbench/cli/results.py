@@ -52,6 +52,8 @@ FACTOR_NAMES = "dataset, disturbance, attitude, filter, adaptation, noise; separ
     flag("--costs", help="measure the time of a filter step; runs each method again on this machine"),
     RUN_PROGRAMS,
     argument("--format", choices=TABLE_FORMATS, default="terminal"),
+    flag("--wide", help="print the geometric mean (gm), too"),
+    flag("--notes", help="print all notes below the table"),
 )
 def table_command(arguments: argparse.Namespace) -> None:
     """Print a table of a study for a metric, with selected rows and columns.
@@ -77,13 +79,13 @@ def table_command(arguments: argparse.Namespace) -> None:
     if arguments.findings:
         print(_findings(study, verdicts, baseline, every=arguments.all) or NOTHING_COMPARED)
         return
-    _write(table, arguments.format)
+    _write(table, arguments)
     if arguments.costs:
         from jerkbench.jobs.replay import COLUMN, report_excluded_programs, step_costs
 
         report_excluded_programs(study, run_programs=arguments.run_programs)
         if len(costs := step_costs(study, run_programs=arguments.run_programs)):
-            _write(summarise(costs, COLUMN, rows, columns), arguments.format)
+            _write(summarise(costs, COLUMN, rows, columns), arguments)
 
 
 def _findings(study: "Study", verdicts: "StudyVerdicts", baseline: "Mapping[str, str] | None", *, every: bool) -> str:
@@ -92,7 +94,6 @@ def _findings(study: "Study", verdicts: "StudyVerdicts", baseline: "Mapping[str,
     If no baseline is given, the text contains the main result of the study, the comparisons over all scenarios, and the
     comparisons with the default baselines.
     """
-    from jerkbench.report.comparisons import counts_of_verdicts
     from jerkbench.report.findings import answer, findings
     from jerkbench.report.study_verdicts import across
 
@@ -103,18 +104,18 @@ def _findings(study: "Study", verdicts: "StudyVerdicts", baseline: "Mapping[str,
     if baseline or not any(len(standing.rivals) > 1 for standing in standings):
         return "\n".join(compared)
     title, details = answer(standings)
-    several = *details, *counts_of_verdicts(standings), *across(verdicts), *compared
+    several = *details, *across(verdicts), *compared
     return "\n".join([f"{title.rstrip('.')}.", *several])
 
 
-def _write(table: "Table", name: str) -> None:
-    from jerkbench.report.terminal import print_summary
+def _write(table: "Table", arguments: argparse.Namespace) -> None:
+    from jerkbench.report.terminal import print_table
     from jerkbench.report.writers import WRITERS
 
-    if name == "terminal":
-        print_summary(table)
+    if arguments.format == "terminal":
+        print_table(table, arguments.folder, wide=arguments.wide, every_note=arguments.notes)
     else:
-        print(WRITERS[name](table), end="")
+        print(WRITERS[arguments.format](table), end="")
 
 
 def _factors(names: str | None) -> list[str] | None:
@@ -129,7 +130,6 @@ def _factors(names: str | None) -> list[str] | None:
     ),
     argument("--methods", metavar="NAMES", help="draw only these methods, for example baseline,jerk+mtf"),
     argument("--seed", type=int, help="seed of the run that is drawn (default: the first seed)"),
-    flag("--few", help="draw only scenarios and methods with a finding"),
     RUN_PROGRAMS,
     flag("--pdf", help="write each figure as a PDF, too"),
 )
@@ -151,7 +151,7 @@ def figures_command(arguments: argparse.Namespace) -> None:
     out = arguments.out or arguments.folder / FIGURES
     counted = arguments.scenarios.isdecimal()
     request = Request(
-        Choice.FEW if arguments.few else Choice.ALL,
+        Choice.ALL,
         int(arguments.scenarios) if counted else LIMIT,
         out,
         pdf=arguments.pdf,
@@ -172,7 +172,7 @@ def figures_command(arguments: argparse.Namespace) -> None:
     STUDY,
     argument("--out", type=output, help="the file (default: report.html in the study's folder)"),
     argument("--scenarios", type=count, default=20, help="number of scenarios whose runs are shown (default: 20)"),
-    argument("--figures", choices=[*Choice], default=Choice.FEW, help="few: only with findings (default); all; none"),
+    argument("--figures", choices=[*Choice], default=Choice.FEW, help="few: three scenarios (default); all; none"),
     RUN_PROGRAMS,
     *JUDGING,
 )
@@ -219,7 +219,7 @@ def cite_command(arguments: argparse.Namespace) -> None:
 
 # The exit code of `jerkbench compare` can be used as a regression test in continuous integration.
 
-COMPARISON_FORMATS = ("terminal", "md", "json", "junit")
+COMPARISON_FORMATS = ("terminal", "md", "json")
 
 WORSE_CODE = 3
 """Exit code if a combination fails the regression test (``--fail-above``)."""
@@ -233,8 +233,8 @@ READING_NOTE = (
 
 
 @command(
-    argument("first", metavar="A", help="folder of the first study (before); FOLDER:METHOD selects a method"),
-    argument("second", metavar="B", help="folder of the second study (after)"),
+    argument("first", metavar="A", type=Path, help="folder of the first study (before)"),
+    argument("second", metavar="B", type=Path, help="folder of the second study (after)"),
     argument("--metric", help="a column of rows.csv (default: position_rmse_m, or the first metric)"),
     argument("--fail-above", type=percentage, metavar="PCT", help="exit with code 3 if B is worse than A; see below"),
     argument("--format", choices=COMPARISON_FORMATS, default="terminal", help="default: terminal"),
@@ -243,11 +243,8 @@ READING_NOTE = (
 def compare_command(arguments: argparse.Namespace) -> None:
     """Compare two sets of results, with paired runs if the seeds match.
 
-    A and B are folders. FOLDER:METHOD selects a method of a folder: filter, adaptation and noise, joined by +, or
-    FACTOR=VALUE.
-
       jerkbench compare results/first results/second --fail-above 3
-      jerkbench compare results/first:jerk+none results/second:jerk+mtf --format md
+      jerkbench compare results/first results/second --metric velocity_rmse_mps --format md
 
     --fail-above PCT is a regression test of two versions of the same methods. A combination fails if
 
@@ -273,26 +270,20 @@ def compare_command(arguments: argparse.Namespace) -> None:
         COMPARISON_WRITERS,
         StudyComparison,
         changes,
-        named_study,
         print_comparison,
         require_alike,
-        selected,
-        with_names_of,
     )
     from jerkbench.report.columns import varying_factors
     from jerkbench.report.comparisons import VerdictRule
     from jerkbench.report.summary import main_metric
 
-    (a, of_a), (b, of_b) = named_study(arguments.first), named_study(arguments.second)
-    first, second = selected(load_study(a), of_a), selected(load_study(b), of_b)
-    second, replaced = with_names_of(first, second, {**of_a, **of_b})
+    first, second = load_study(arguments.first), load_study(arguments.second)
     require_alike(first, second)
     metric, varying = arguments.metric or main_metric(first.rows), varying_factors(first.rows)
     changed = changes(first.rows, second.rows, metric, VerdictRule(arguments.margin / 100))
     comparison = StudyComparison(metric, changed, varying, (), arguments.fail_above, failed=False)
     messages, code = ([], 0) if arguments.fail_above is None else _failures(comparison, first, second)
-    notes = [*replaced, *_notes(arguments, first, second, comparison)]
-    comparison = comparison._replace(notes=notes, failed=bool(code))
+    comparison = comparison._replace(notes=_notes(arguments, first, second, comparison), failed=bool(code))
     if arguments.format in COMPARISON_WRITERS:
         print(COMPARISON_WRITERS[arguments.format](comparison), end="")
     else:

@@ -53,34 +53,25 @@ def rerun_command(arguments: argparse.Namespace) -> None:
 
 @command(
     *ROW_ARGUMENTS,
-    argument("--tum", type=output, metavar="FOLDER", help="write estimate.tum, reference.tum"),
-    argument("--updates", type=output, metavar="FILE.csv", help="write innovation, NIS and R of each update"),
+    argument("--tum", type=output, metavar="FOLDER", required=True, help="write estimate.tum, reference.tum"),
 )
 def export_command(arguments: argparse.Namespace) -> None:
-    """Write the trajectories of a stored run (TUM), or its measurement updates with the adapted R.
+    """Write the trajectories of a stored run in the TUM format.
 
       jerkbench export results/first 1 --tum trajectories
-      jerkbench export results/first 5 --updates updates.csv
 
     Raises:
-        JerkbenchError: No output is selected, the row does not exist, its data have changed, or the run has no
-            reference or no updates.
+        JerkbenchError: The row does not exist, its data have changed, or the run has no reference.
     """
     from jerkbench.evaluation.counted_rows import counted_rows
     from jerkbench.jobs.replay import stored_row
-    from jerkbench.report.writers import write_tum_pair, write_updates
+    from jerkbench.report.writers import write_tum_pair
 
-    if arguments.tum is None and arguments.updates is None:
-        raise JerkbenchError("Give --tum FOLDER for trajectories, --updates FILE.csv for the adapted R, or both.")
     row = stored_row(arguments.folder, arguments.row, run_programs=arguments.run_programs)
     recording, estimate = row.run()
-    if arguments.tum is not None:
-        counted = counted_rows(estimate, recording, row.job.protocol.burn_in_s)
-        for path in write_tum_pair(arguments.tum, recording, estimate, counted):
-            print(path)
-    if arguments.updates is not None:
-        write_updates(arguments.updates, estimate.updates)
-        print(arguments.updates)
+    counted = counted_rows(estimate, recording, row.job.protocol.burn_in_s)
+    for path in write_tum_pair(arguments.tum, recording, estimate, counted):
+        print(path)
 
 
 OVERRIDE = re.compile(r"[+~]*[A-Za-z_][\w./@]*=")

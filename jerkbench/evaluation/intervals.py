@@ -1,7 +1,6 @@
 """Confidence intervals of means, medians and fractions."""
 
 from functools import lru_cache
-from math import ceil, inf, log, log1p
 
 import numpy as np
 
@@ -206,11 +205,6 @@ def failure_bound(count: int, n: int) -> float:
     Without a failure, the bound is 1 - .05^(1/n).
     """
     return share_interval(count, n, 0.9)[1]
-
-
-def seeds_without_failure(margin: float) -> float:
-    """Return the number of seeds for which `failure_bound` without failures is at most ``margin``: 99 seeds for 3 %."""
-    return ceil(log(0.05) / log1p(-margin)) if 0 < margin < 1 else 1 if margin else inf
 
 
 def failures_text(failed: int, outlying: int, n: int, *, bound: bool = True) -> str:

@@ -221,15 +221,15 @@ def conclude_sweep(plan: Plan, level: float | None, code: int, store: Store, con
 
 def _write_and_print(store: Store, seeds: JobSeeds, config: DictConfig, level: float | None) -> Study:
     """Write the tables of a study, print the table of the jobs in ``seeds``, and return the study of these jobs."""
-    from jerkbench.report.terminal import print_beginning, print_table
+    from jerkbench.report.summary import main_metric, summarise
+    from jerkbench.report.terminal import MAX_ROWS, print_table
 
     store.compact()
     study, table = concluded(store.folder.parent, seeds, list(config.notes), sys.argv, level)
     shown = study.only(seeds)
-    if len(shown.rows) == len(study.rows):
-        print_beginning(table)
-    else:
-        print_table(shown.rows, shown.notes)
+    if len(shown.rows) < len(study.rows):
+        table = summarise(shown.rows, main_metric(shown.rows), notes=shown.notes)
+    print_table(table, study.folder, max_rows=MAX_ROWS)
     print(f"\nRows, tables and manifest: {store.folder.parent}", flush=True)
     return shown
 

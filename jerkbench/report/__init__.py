@@ -13,7 +13,7 @@ class Choice(StrEnum):
     """The values of the option ``figures``, which selects the scenarios whose runs are drawn.
 
     Attributes:
-        FEW: draw only scenarios and methods with significant differences.
+        FEW: draw only the scenarios with the largest differences.
         ALL: draw all scenarios of the study.
         NONE: draw no figures.
     """

@@ -1,23 +1,19 @@
-"""Comparison of two studies: selection of combinations, changes of a metric, gate for CI, and output formats."""
+"""Comparison of two studies: changes of a metric, gate for CI, and output formats."""
 
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.errors import JerkbenchError, NotComparableError, unknown
+from jerkbench.errors import JerkbenchError, NotComparableError
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.intervals import failure_bound
 from jerkbench.evaluation.judgement import Judgement, Verdict
-from jerkbench.files import JunitCase, junit
 from jerkbench.jobs.study import Study
-from jerkbench.renamed import new_label
-from jerkbench.report.columns import FACTORS, METHOD, checked, quantity, require_factors
+from jerkbench.report.columns import checked, quantity
 from jerkbench.report.comparisons import (
     RULE,
     MethodRuns,
@@ -251,7 +247,7 @@ def notes_of_tests(changed: Iterable[Change]) -> list[str]:
     return [note.format(count=count) for note, count in counts if count]
 
 
-# Output of a comparison as a terminal table, Markdown, JSON and JUnit.
+# Output of a comparison as a terminal table, Markdown and JSON.
 
 
 class StudyComparison(NamedTuple):
@@ -304,7 +300,6 @@ def comparison_json(comparison: StudyComparison) -> str:
 COMPARISON_WRITERS: Mapping[str, Callable[[StudyComparison], str]] = {
     "md": lambda comparison: markdown_grid(*_grid(comparison)),
     "json": comparison_json,
-    "junit": lambda comparison: junit(f"jerkbench compare {comparison.metric}", list(_cases(comparison))),
 }
 """Functions that return a comparison as text, by format."""
 
@@ -337,97 +332,10 @@ def _records(comparison: StudyComparison) -> Iterator[dict[str, Any]]:
         }
 
 
-def _cases(comparison: StudyComparison) -> Iterator[JunitCase]:
-    rows = change_rows(comparison.changes, comparison.varying)
-    for change, row, name, failures in zip(
-        comparison.changes, rows, comparison.names, comparison.failures, strict=True
-    ):
-        a, b, ratio, interval, failed, verdict = row[-6:]
-        summary = f"A has {a}, B has {b}: {ratio} {interval}, {verdict}{f'; {failed}' if failed else ''}."
-        said = [f"{summary} It fails: {failure}." for failure in failures]
-        if comparison.allowed is not None and change.unjudged:
-            said.append(f"{summary} It cannot be judged: {change.unjudged}.")
-        yield JunitCase(comparison.metric, name, tuple(said), () if said else (summary,))
-
-
-# Selection of the combinations to compare by an argument of the command line (``results/a:jerk+mtf``).
+# Checks that two studies can be compared.
 
 COMPARED = tuple(part for part in LABELLED_PARTS if part not in DECIDING_SCORES)
 """Parts whose parameters may differ between two studies that are compared."""
-
-
-def named_study(argument: str) -> tuple[Path, Mapping[str, str]]:
-    """Parse ``FOLDER`` or ``FOLDER:FILTER+ADAPTATION+NOISE``.
-
-    A part ``FACTOR=VALUE`` after the colon selects a value of any factor.
-
-    Returns:
-        The folder of the study, and the selected value of each factor. Without a method in the argument, the second
-        value is empty.
-
-    Raises:
-        JerkbenchError: a factor is unknown or occurs twice, or the method consists of too many names.
-    """
-    folder, colon, method = argument.rpartition(":")
-    if not (colon and folder and method) or set(method) & {"/", "\\"} or Path(argument).exists():
-        return Path(argument), {}
-    selection: dict[str, str] = {}
-    for position, part in enumerate(method.split("+")):
-        factor, equals, value = part.partition("=")
-        if not equals:
-            if position >= len(METHOD):
-                raise JerkbenchError(
-                    f"'{argument}' has more names than {', '.join(METHOD)}; write FACTOR=VALUE for another factor."
-                )
-            factor, value = METHOD[position], part
-        require_factors([factor])
-        if factor in selection:
-            raise JerkbenchError(f"'{argument}' contains two values of the {factor}; give only one value.")
-        selection[factor] = new_label(factor, value)
-    return Path(folder), selection
-
-
-def selected(study: Study, selection: Mapping[str, str]) -> Study:
-    """Return the part of a study whose combinations have the selected value of each factor.
-
-    Raises:
-        JerkbenchError: no combination of the study has all selected values.
-    """
-    for factor, value in selection.items():
-        values = study.rows[factor].astype(str)
-        if value not in set(values):
-            raise JerkbenchError(f"{study.folder}: {unknown(factor, value, sorted(set(values)))}")
-        study = study.only(study.keys[(values == value).to_numpy()])
-    return study
-
-
-def with_names_of(first: Study, second: Study, selection: Mapping[str, str]) -> tuple[Study, list[str]]:
-    """Return ``second`` with the selected labels replaced by the labels in ``first``, and a note about this change.
-
-    Args:
-        first: study from which the labels of the selected factors are taken.
-        second: study in which the labels of the selected factors are replaced.
-        selection: the factors whose labels are replaced, with the selected values. If ``selection`` is empty, no label
-            is replaced.
-
-    Raises:
-        JerkbenchError: a study contains more than one value of a selected factor.
-    """
-    factors = [factor for factor in FACTORS if factor in selection]
-    names, second_names = ({factor: _only_value(study, factor) for factor in factors} for study in (first, second))
-    a, b = (" + ".join(several.values()) for several in (names, second_names))
-    notes = [f"{b} of B is compared with {a} of A, and has the name of A here."] if selection else []
-    return replace(second, rows=second.rows.assign(**names)), notes
-
-
-def _only_value(study: Study, factor: str) -> str:
-    values = sorted(set(study.rows[factor].astype(str)))
-    if len(values) > 1:
-        raise JerkbenchError(
-            f"{study.folder} has {len(values)} values of the {factor}: {', '.join(values)}. Select one value,"
-            f" for example {study.folder}:{factor}={values[0]}."
-        )
-    return values[0]
 
 
 def require_alike(first: Study, second: Study) -> None:

@@ -151,8 +151,8 @@ def numbers_of_rows(rows: "pd.DataFrame", keys: Sequence[str]) -> dict[tuple[str
 
 ORACLE, GNSS_ONLY = "oracle", "gnss_only"
 
-WHY = {"adaptation": {ORACLE: "uses the true covariance"}, "filter": {GNSS_ONLY: "uses no IMU"}}
-"""For each factor, the labels (without parameters) of reference methods, and the reason why they do not compete."""
+REFERENCE_METHODS = {"adaptation": ORACLE, "filter": GNSS_ONLY}
+"""For each factor, the label (without parameters) of the reference method: true covariance, and no IMU."""
 
 REFERENCE_ATTITUDE = "reference"
 """Label of the attitude of the reference. This attitude may define a scenario, but does not compete with estimates."""
@@ -164,18 +164,7 @@ def competes(values: Mapping[str, str]) -> bool:
     >>> competes({"filter": "jerk", "adaptation": "oracle"})
     False
     """
-    return not any(_name(values.get(factor, "")) in references for factor, references in WHY.items())
-
-
-def references_note(labels: Mapping[str, set[str]]) -> str:
-    """Return a sentence that lists the reference methods in ``labels``, or an empty text without such a method."""
-    notes = [
-        f"{name} ({why})"
-        for factor, references in WHY.items()
-        for name, why in references.items()
-        if name in {_name(label) for label in labels.get(factor, ())}
-    ]
-    return f"{' and '.join(notes)} {'do' if len(notes) > 1 else 'does'} not compete." if notes else ""
+    return not any(_name(values.get(factor, "")) == name for factor, name in REFERENCE_METHODS.items())
 
 
 def _name(label: str) -> str:

@@ -1,7 +1,6 @@
 """Comparisons of methods on common seeds, the parameters of verdicts, and the best methods of each scenario."""
 
 import math
-from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
@@ -11,13 +10,11 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import JerkbenchError, require_known
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.evaluation.intervals import OUTLIER_FACTOR, failure_bound, seeds_without_failure, up_to
+from jerkbench.evaluation.intervals import OUTLIER_FACTOR, failure_bound, up_to
 from jerkbench.evaluation.judgement import (
-    BY_FAILURES,
     DEFEATS,
     LEVEL,
     MARGIN,
-    NOT_EXCLUDED,
     WINS,
     Judgement,
     LogRatios,
@@ -311,17 +308,8 @@ def family_note(comparisons: Sequence[Comparison]) -> str:
     count = sum(comparison.verdict is Verdict.UNDECIDED for comparison in tested)
     floored = sum(comparison.below_floor for comparison in tested)
     why = f", {floored} of them because the difference is less than the sigma of the reference" if floored else ""
-    undecided = f" Undecided: {count} of {len(tested)}{not_excluded(tested)}{why}." if count else ""
+    undecided = f" Undecided: {count} of {len(tested)}{why}." if count else ""
     return f"{marks} {test}{undecided} Runs of each method: {failures_range(one.judgement for one in tested)}."
-
-
-def not_excluded(compared: Iterable[Comparison]) -> str:
-    """Return text with the number of comparisons that are undecided only because rare failures cannot be excluded."""
-    near = [one.rule.margin for one in compared if one.judgement.reason == NOT_EXCLUDED]
-    if not near:
-        return ""
-    within, needed = f"{len(near)} of them within {100 * near[0]:g} %", seeds_without_failure(near[0])
-    return f", {within}, because {NOT_EXCLUDED} ({needed} seeds without a failure exclude them)"
 
 
 def failures_range(judgements: Iterable[Judgement]) -> str:
@@ -384,19 +372,3 @@ class Standing(NamedTuple):
     def name(self, combination: Combination) -> str:
         """Return the name of a method: its labels of the factors in ``method``, joined by "+"."""
         return "+".join(getattr(combination, key) for key in self.method)
-
-
-def counts_of_verdicts(standings: Sequence[Standing]) -> list[str]:
-    """Return a list with one sentence that counts the pairs with each verdict, or no sentence without tested pairs."""
-    compared = [pair for standing in standings for pair in standing.tested]
-    if not compared:
-        return []
-    verdicts, rule = Counter(pair.verdict for pair in compared), compared[0].rule
-    parts = [
-        (verdicts[Verdict.BETTER] + verdicts[Verdict.WORSE], "differ significantly"),
-        (sum(verdicts[verdict] for verdict in BY_FAILURES), "differ in their failure rates"),
-        (verdicts[Verdict.SMALL], rule.small),
-        (verdicts[Verdict.EQUAL], f"are {rule.equal}"),
-        (verdicts[Verdict.UNDECIDED], f"are undecided{not_excluded(compared)}"),
-    ]
-    return [f"Of {len(compared)} pairs of methods, {', '.join(f'{count} {text}' for count, text in parts if count)}."]

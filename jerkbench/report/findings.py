@@ -6,8 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.evaluation.intervals import OUTLIER_FACTOR, failures_text, up_to
-from jerkbench.evaluation.judgement import BY_FAILURES, DEFEATS, WINS, Judgement, Verdict
+from jerkbench.evaluation.judgement import BY_FAILURES, Judgement, Verdict
 from jerkbench.report.columns import FACTORS, varying_factors
 from jerkbench.report.comparisons import UNTESTED, Comparison, Standing, failures_range
 from jerkbench.report.labels import TUNED_SUFFIX
@@ -17,9 +16,6 @@ from jerkbench.report.table_model import factor_number, number
 if TYPE_CHECKING:
     import pandas as pd
 
-
-_FAILED = f"failed or with over {OUTLIER_FACTOR:g} times the error"
-"""Text about the runs that count as failures."""
 
 LOG_RATIO_ALL_FAILED = math.log(100.0)
 """Size of a difference if all runs of one method and no run of the other method failed. It is equal to the size of an
@@ -38,71 +34,6 @@ def certain_size(judgement: Judgement) -> float:
         return 0.0
     ends = (abs(math.log(end)) for end in (judgement.low, judgement.high) if 0 < end < math.inf)
     return min(ends, default=LOG_RATIO_ALL_FAILED)  # no ratio is defined if a median run failed
-
-
-def size_text(judgement: Judgement) -> str:
-    """Return text with the size of a significant difference, such as "2.0 times better, 95 % 1.9 to 2.1"."""
-    if judgement.verdict in BY_FAILURES:
-        ours, theirs = judgement.failures
-        return f"{ours} of {judgement.n} runs {_FAILED} against {theirs}"
-    better = judgement.verdict is Verdict.BETTER
-    seen, direction = (judgement.swapped, "better") if better else (judgement, "worse")
-    if not 0 < seen.ratio < math.inf:
-        return f"{direction}, because the median run of one method failed"
-    interval = "" if math.isnan(seen.low) else f", 95 % {factor_number(seen.low)} to {factor_number(seen.high)}"
-    return f"{factor_number(seen.ratio)} times {direction}{interval}"
-
-
-class MethodPair(NamedTuple):
-    """The comparisons of two methods in all scenarios that contain both methods.
-
-    Attributes:
-        ours: name of the first method.
-        theirs: name of the second method.
-        rounds: name of each scenario, and the comparison of the first method with the second method in this scenario.
-            If the study has only one scenario, the name of the scenario is empty.
-    """
-
-    ours: str
-    theirs: str
-    rounds: tuple[tuple[str, Judgement], ...]
-
-    @property
-    def wins(self) -> int:
-        """The number of scenarios in which the first method is significantly better."""
-        return sum(judgement.verdict in WINS for _, judgement in self.rounds)
-
-    @property
-    def defeats(self) -> int:
-        """The number of scenarios in which the second method is significantly better."""
-        return sum(judgement.verdict in DEFEATS for _, judgement in self.rounds)
-
-    @property
-    def certain_size(self) -> float:
-        """The mean size of the difference over the scenarios, as computed by the function `certain_size`."""
-        return sum(certain_size(judgement) for _, judgement in self.rounds) / len(self.rounds)
-
-    @property
-    def swapped(self) -> "MethodPair":
-        """The same comparisons with the first and the second method swapped."""
-        return MethodPair(self.theirs, self.ours, tuple((name, judgement.swapped) for name, judgement in self.rounds))
-
-
-def method_pairs(standings: Iterable[Standing]) -> list[MethodPair]:
-    """Return each pair of methods that was tested in at least one scenario.
-
-    The phases of one recording are not tested for significance. Each pair is ordered such that its first method is
-    better in at least as many scenarios as its second method.
-    """
-    rounds: dict[tuple[str, str], list[tuple[str, Judgement]]] = {}
-    for standing in standings:
-        for pair in standing.tested:
-            names = standing.name(pair.subject), standing.name(pair.baseline)
-            if names[::-1] in rounds:
-                names, pair = names[::-1], pair.swapped  # noqa: PLW2901 - the same pair, as the other method sees it
-            rounds.setdefault(names, []).append((", ".join(standing.scenario), pair.judgement))
-    pairings = [MethodPair(ours, theirs, tuple(seen)) for (ours, theirs), seen in rounds.items()]
-    return [pair.swapped if pair.defeats > pair.wins else pair for pair in pairings]
 
 
 # The main result of a study: a title that names the best method, and up to three sentences.
@@ -133,53 +64,56 @@ def answer(standings: Sequence[Standing]) -> Answer:
             return Answer("The study has only one method, so no methods are compared.")
         many = not any(standing.comparisons for standing in standings)
         return Answer("The best method is not tested: there are too many pairs of methods." if many else UNTESTED)
-    said = _of_methods(tested, len({standing.name(rival) for standing in tested for rival in standing.rivals}))
     judgements = [pair.judgement for standing in tested for pair in standing.tested]
     low, high = (of(judgement.n for judgement in judgements) for of in (min, max))
     seeds = f"{low}" if low == high else f"{low} to {high}"
     basis = f"Each comparison uses {seeds} seeds; {failures_range(judgements)}."
-    return Answer(said.title, (*said.sentences, basis))
-
-
-def _of_methods(tested: Sequence[Standing], methods: int) -> Answer:
-    decided = [standing for standing in tested if standing.decided]
-    if not decided:
-        verdicts, rule = {pair.verdict for standing in tested for pair in standing.tested}, tested[0].tested[0].rule
-        if verdicts <= {Verdict.EQUAL, Verdict.SMALL}:
-            every = "Both" if methods == 2 else f"All {methods}"
-            return Answer(f"{every} methods {rule.small if Verdict.SMALL in verdicts else f'are {rule.equal}'}")
-        where = f" in any of {len(tested)} scenarios" if len(tested) > 1 else ""
-        return Answer(f"None of {methods} methods is significantly better than another{where}")
-    sole, shared, reference = Counter[str](), Counter[str](), reference_method(tested)
-    for standing in decided:  # count the scenarios in which a method is the only best, or one of several best
-        (sole if len(standing.leaders) == 1 else shared).update(standing.leaders)
-    names = {**sole, **shared}
-    won, tied = max((sole[name], shared[name]) for name in names)
-    compared = [against(standing, reference) for standing in tested]
-    leaders = sorted(
-        (name for name in names if (sole[name], shared[name]) == (won, tied)),
-        key=lambda name: mean_log_ratio(compared, name),
-    )
-    ending = "s" if len(leaders) == 1 else ""
-    of = f" in {{}} of {len(tested)} scenarios" if len(tested) > 1 else ""
-    claims = [f"lead{ending}{of.format(won)}"] * bool(won) + [f"share{ending} the lead{of.format(tied)}"] * bool(tied)
-    title = f"Of {methods} methods, {_named(leaders)} {' and '.join(claims)}"
-    both = {leaders[0], reference}
-    method_pair = next(
-        (pair for pair in method_pairs(tested) if methods == 2 or {pair.ours, pair.theirs} == both), None
-    )
     undecided = [", ".join(standing.scenario) for standing in tested if not standing.decided]
+    if len(undecided) == len(tested):
+        return Answer(_title_without_leader(tested), (basis,))
     sentences = [f"No significant difference between methods on {_named(undecided)}."] if undecided else []
-    if method_pair and method_pair.wins + method_pair.defeats:
-        method_pair = method_pair if method_pair.ours == leaders[0] else method_pair.swapped
-        better = [judgement for _, judgement in method_pair.rounds if judgement.verdict is Verdict.BETTER]
-        times = max(better, key=certain_size).swapped.ratio if better else math.inf
-        if 0 < times < math.inf:
-            who = " and is" if len(leaders) == 1 and len(claims) == 1 else f"; {method_pair.ours} is"
-            up_to = "up to " if len(method_pair.rounds) > 1 else ""
-            title += f"{who} {up_to}{factor_number(times)} times better than {method_pair.theirs}"
-        sentences = [pair_finding(method_pair), *sentences]
-    return Answer(title, tuple(sentences))
+    return Answer(_title_of_leaders(tested), (*sentences, basis))
+
+
+def _title_without_leader(tested: Sequence[Standing]) -> str:
+    methods = len(_methods(tested))
+    verdicts, rule = {pair.verdict for standing in tested for pair in standing.tested}, tested[0].tested[0].rule
+    if verdicts <= {Verdict.EQUAL, Verdict.SMALL}:
+        every = "Both" if methods == 2 else f"All {methods}"
+        return f"{every} methods {rule.small if Verdict.SMALL in verdicts else f'are {rule.equal}'}"
+    where = f" in any of {len(tested)} scenarios" if len(tested) > 1 else ""
+    return f"None of {methods} methods is significantly better than another{where}"
+
+
+def _title_of_leaders(tested: Sequence[Standing]) -> str:
+    """Return the title of a study in which at least one scenario has best methods.
+
+    The title names the methods that are the only best method in most scenarios. If no scenario has an only best method,
+    the title names the methods that share the lead in most scenarios.
+    """
+    names, reference = _methods(tested), reference_method(tested)
+    best = [standing.leaders for standing in tested if standing.decided]
+    sole, shared = Counter(of[0] for of in best if len(of) == 1), Counter(name for of in best for name in of)
+    compared = [against(standing, reference) for standing in tested]
+    most = max((sole[name], shared[name]) for name in names)
+    leaders = [name for name in names if (sole[name], shared[name]) == most]
+    leaders.sort(key=lambda name: mean_log_ratio(compared, name))
+    ending = "s" if len(leaders) == 1 else ""
+    claim, count = (f"lead{ending}", most[0]) if most[0] else (f"share{ending} the lead", most[1])
+    of = f" in {count} of {len(tested)} scenarios" if len(tested) > 1 else ""
+    title = f"Of {len(names)} methods, {_named(leaders)} {claim}{of}"
+    other = next(name for name in names if name != leaders[0]) if len(names) == 2 else reference
+    pairs = [pairs[leaders[0]] for standing in tested if leaders[0] in (pairs := against(standing, other))]
+    better = [pair.judgement for pair in pairs if pair.verdict is Verdict.BETTER]
+    times = max(better, key=certain_size).swapped.ratio if better else math.inf
+    if math.isinf(times) or times <= 0:
+        return title
+    who = " and is" if len(leaders) == 1 else f"; {leaders[0]} is"
+    return f"{title}{who} {'up to ' if len(pairs) > 1 else ''}{factor_number(times)} times better than {other}"
+
+
+def _methods(tested: Iterable[Standing]) -> list[str]:
+    return list(dict.fromkeys(standing.name(rival) for standing in tested for rival in standing.rivals))
 
 
 def reference_method(tested: Iterable[Standing]) -> str:
@@ -225,35 +159,6 @@ def mean_log_ratio(compared: Iterable[Mapping[str, Comparison]], name: str) -> f
     return sum(math.log(ratio) if ratio > 0 else 0.0 for ratio in ratios) / max(1, len(ratios))
 
 
-def pair_finding(method_pair: MethodPair) -> str:
-    """Return a sentence that counts the scenarios with each verdict, and states the largest difference.
-
-    An example of the sentence is "jerk against baseline: better in 2 of 3 scenarios (most on none: 2.0 times better, 95
-    % 1.9 to 2.1); undecided in 1."
-    """
-    parts: list[str] = []
-    for verdict, text in _VERDICT_TEXTS.items():
-        rounds = [(name, judgement) for name, judgement in method_pair.rounds if judgement.verdict is verdict]
-        if rounds:
-            of = f" of {len(method_pair.rounds)} scenarios" if not parts and len(method_pair.rounds) > 1 else ""
-            name, largest = max(rounds, key=lambda one: certain_size(one[1]))
-            most = f"{'most ' if len(rounds) > 1 else ''}{f'on {name}: ' if name else ''}{size_text(largest)}"
-            parts.append(f"{text} in {len(rounds)}{of}{f' ({most})' if certain_size(largest) else ''}")
-    return f"{method_pair.ours} against {method_pair.theirs}: {'; '.join(parts)}."
-
-
-_VERDICT_TEXTS = {
-    Verdict.BETTER: "better",
-    Verdict.FEWER_FAILED: "failing in fewer runs",
-    Verdict.WORSE: "worse",
-    Verdict.MORE_FAILED: "failing in more runs",
-    Verdict.SMALL: "different by less than the margin",
-    Verdict.EQUAL: "equal",
-    Verdict.UNDECIDED: "undecided",
-}
-"""Text of each verdict, in the order in which a finding lists them."""
-
-
 def _named(names: Sequence[str]) -> str:
     """Return text with the first `_NAMED` names, and the number of names that are left out."""
     if len(names) > _NAMED:
@@ -268,15 +173,15 @@ def findings(rows: "pd.DataFrame", verdicts: StudyVerdicts, baseline: Mapping[st
     """Return a sentence for each comparison with ``baseline``, sorted by decreasing size of the difference.
 
     If ``baseline`` is None, the baselines are ``adaptation=none`` and ``filter=baseline``. If the study has no run with
-    such a baseline, the function compares the pairs of methods that `strongest` selects. The result is empty for a
-    metric for which lower values are not better.
+    such a baseline, all pairs of methods are compared. The result is empty for a metric for which lower values are not
+    better.
 
     Raises:
         JerkbenchError: no combination has the values of the baseline.
     """
     baselines = [baseline] if baseline else study_baselines(rows)
     found = [pair for values in baselines if verdicts.standings for pair in verdicts.against(values)]
-    found = found or [pair for one in informative_standings(verdicts.standings) for pair in one.comparisons]
+    found = found or [pair for standing in verdicts.standings for pair in standing.comparisons]
     varying = varying_factors(rows)
     return [finding(comparison, varying) for comparison in sorted(found, key=_order)]
 
@@ -292,7 +197,10 @@ def _order(comparison: Comparison) -> float:
 def finding(comparison: Comparison, varying: Sequence[str]) -> str:
     """Return a sentence about a comparison. Names in the sentence contain only labels of the factors ``varying``."""
     subject, baseline, where = method_names(comparison, varying)
-    judgement, failed = comparison.judgement, failures_clause(comparison, subject, baseline)
+    judgement = comparison.judgement
+    failed = f"; {judgement.failure_rates}"
+    if comparison.phases:
+        failed = f"; {' and '.join(map(str, comparison.failed))} phases failed" * any(comparison.failed)
     n, ratio, known = judgement.n, judgement.ratio, 0 < judgement.ratio < math.inf
     noun = "phases" if comparison.phases else "seeds"
     # a recording that is not divided into phases has only one run
@@ -307,10 +215,7 @@ def finding(comparison: Comparison, varying: Sequence[str]) -> str:
         over = f"{f'range {_range(comparison)} over ' if known else ''}{count}" if n > 1 else count
         return f"{subject} {_times(ratio)} {baseline}{where} ({over} of one recording; no test){failed}."
     if comparison.verdict in BY_FAILURES:
-        (ours, theirs), p = judgement.failures, number(judgement.p_failed)
-        bounds = f"{up_to(ours, n)} against {up_to(theirs, n)}; McNemar, p {p}"
-        counts = f"{ours} of {n} {_FAILED} against {theirs} of {n} ({bounds})"
-        return f"{subject} {comparison.verdict.value} than {baseline}{where}: {counts}."
+        return f"{subject} {comparison.verdict.value} than {baseline}{where} ({count}){failed}."
     median = "median, " if judgement.median else ""
     interval = "" if math.isnan(judgement.low) else f"95 % {_range(comparison)}, "
     detail = f"({median}{interval}{count})" if known else f"(the median run of one method failed, {count})"
@@ -327,10 +232,15 @@ def finding(comparison: Comparison, varying: Sequence[str]) -> str:
     return f"{said}{failed}."
 
 
+REFERENCES = {"adaptation": ("none",), "filter": _BASELINES}
+"""For each factor, the reference values. The other values are compared with the first one that a study contains."""
+
+
 def study_baselines(rows: "pd.DataFrame", factors: Sequence[str] = ("adaptation", "filter")) -> list[dict[str, str]]:
-    """Return a baseline for each factor of which the study contains the reference value (`REFERENCES`) and others."""
+    """Return a baseline for each factor of which the study contains a reference value (`REFERENCES`) and others."""
     values = {factor: set(rows[factor].astype(str)) for factor in factors}
-    return [{factor: name} for factor, name in _references(values).items() if {name} < values[factor]]
+    found = {factor: [name for name in REFERENCES[factor] if name in known] for factor, known in values.items()}
+    return [{factor: names[0]} for factor, names in found.items() if names and len(values[factor]) > 1]
 
 
 def method_names(comparison: Comparison, varying: Sequence[str]) -> tuple[str, str, str]:
@@ -367,73 +277,3 @@ def _range(comparison: Comparison) -> str:
     if math.isinf(ends[1]):
         return f"from {written(ends[0])} up, because a run failed"
     return f"{written(ends[0])} to {written(ends[1])}"
-
-
-def failures_clause(comparison: Comparison, subject: str, baseline: str) -> str:
-    """Return text with the number of failed runs and of outliers of both methods, and the bounds of the failure rates.
-
-    For phases, the text contains no bounds. If no phase failed or is an outlier, the text is empty.
-    """
-    judgement, phases = comparison.judgement, comparison.phases
-    if not any((*comparison.failed, *judgement.outlying)):
-        return "" if phases else f"; {judgement.failure_rates}"
-    counts = zip((subject, baseline), comparison.failed, judgement.outlying, strict=True)
-    parts = [
-        f"{name}: {failures_text(failed, locked, comparison.runs, bound=not phases)}"
-        for name, failed, locked in counts
-        if failed or locked
-    ]
-    return f"; {'; '.join(parts)}"
-
-
-# The strongest findings of a study: pairs of methods that differ in one factor, compared over all scenarios.
-
-REFERENCES = {"filter": _BASELINES, "adaptation": ("none",)}
-"""For each factor, the reference values. The other values are compared with the first one that a study contains."""
-
-
-def _references(values: Mapping[str, set[str]]) -> dict[str, str]:
-    """Return the reference value of each factor of which ``values`` contains a reference value."""
-    found = {factor: [name for name in REFERENCES[factor] if name in known] for factor, known in values.items()}
-    return {factor: names[0] for factor, names in found.items() if names}
-
-
-def strongest(standings: Sequence[Standing]) -> list[str]:
-    """Return a sentence for each pair of methods that differ in one factor, sorted by decreasing difference.
-
-    If the study contains the reference value of a factor (`REFERENCES`, such as adaptation "none"), each other value is
-    compared with the reference value. Without a reference value, all pairs of values of the factor are compared.
-    Methods that no chain of these comparisons connects are also compared, for example tuned methods, which differ in
-    several factors. If a study has several scenarios, a sentence describes a pair of methods over all scenarios. Phases
-    of one recording are not tested, so they have a sentence for each scenario.
-    """
-    informative = informative_standings(standings)
-    pairs = method_pairs(informative)
-    if len(informative) > 1 and pairs:
-        return [pair_finding(pair) for pair in sorted(pairs, key=lambda pair: -pair.certain_size)]
-    rivals = [rival for standing in informative for rival in standing.rivals]
-    varying = [factor for k, factor in enumerate(FACTORS) if len({rival[k] for rival in rivals}) > 1]
-    return [finding(pair, varying) for pair in sorted((p for one in informative for p in one.comparisons), key=_order)]
-
-
-def informative_standings(standings: Sequence[Standing]) -> list[Standing]:
-    """Return each scenario, reduced to the comparisons that the function `strongest` describes."""
-    rivals = {rival for standing in standings for rival in standing.rivals}
-    references = _references({factor: {getattr(rival, factor) for rival in rivals} for factor in REFERENCES})
-
-    def of_one_factor(pair: Comparison) -> bool:
-        values = zip(FACTORS, pair.subject, pair.baseline, strict=True)
-        differ = [(factor, both) for factor, *both in values if both[0] != both[1]]
-        return len(differ) == 1 and all(references.get(factor, both[0]) in both for factor, both in differ)
-
-    informative = []
-    for standing in standings:
-        telling = {pair[:2] for pair in standing.comparisons if of_one_factor(pair)}
-        connected = {rival: {rival} for rival in standing.rivals}
-        for first, second in telling:
-            joined = connected[first] | connected[second]
-            connected.update(dict.fromkeys(joined, joined))
-        pairs = standing.comparisons
-        selected = (pair for pair in pairs if pair[:2] in telling or pair.baseline not in connected[pair.subject])
-        informative.append(standing._replace(comparisons=tuple(selected)))
-    return informative

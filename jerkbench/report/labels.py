@@ -9,7 +9,6 @@ from typing import Any
 from jerkbench import plugins
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.r_scale import scale_of
-from jerkbench.renamed import new_name
 
 TUNED_SUFFIX = ", tuned"
 """Suffix of the label of a filter whose preset was written by `jerkbench tune`."""
@@ -74,24 +73,6 @@ def tuned_method(spec: Mapping[str, Any], choices: Mapping[str, Any]) -> dict[st
         return {}
     number = f" {matches[0][1]}" if matches[0][1] else ""
     return {"filter": f"{filter_}{number}{TUNED_SUFFIX}", "adaptation": adaptation}
-
-
-def contradiction(labels: Mapping[str, str], spec: Mapping[str, Any]) -> str:
-    """Return text about the first label that contradicts the plugin in the stored configuration, or an empty text.
-
-    A label that is not the name of a plugin is not checked, because it can be a preset that exists only on another
-    machine. Labels of user programs are also not checked, because a program defines its label itself.
-    """
-    disturbances = spec["disturbance"] or [{"name": "none"}]
-    ran = {kind: {new_name(kind, spec[kind]["name"])} for kind in ("dataset", "attitude", "filter", "adaptation")}
-    ran["disturbance"] = {new_name("disturbance", disturbance["name"]) for disturbance in disturbances}
-    for kind, names in ran.items():
-        if labels[kind].endswith("(program)"):
-            continue
-        wrong = [head for head in bare(labels[kind]).split("+") if head not in names and head in plugins.names(kind)]
-        if wrong:
-            return f"{kind}={wrong[0]} is {', '.join(sorted(map(str, names)))}"
-    return ""
 
 
 def _noise_label(spec: dict[str, Any], choices: Mapping[str, Any], changed: dict[str, list[str]]) -> str:

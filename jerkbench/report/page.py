@@ -6,9 +6,9 @@ from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 from jerkbench.report.columns import quantity
-from jerkbench.report.comparisons import RULE, VerdictRule, counts_of_verdicts
-from jerkbench.report.findings import answer, strongest, study_baselines
-from jerkbench.report.page_content import ERROR_SCALE, MAX_FINDINGS, cells_view, matrix, packed_json, settings
+from jerkbench.report.comparisons import RULE, VerdictRule
+from jerkbench.report.findings import answer, findings, study_baselines
+from jerkbench.report.page_content import MAX_FINDINGS, matrix, settings
 from jerkbench.report.plots.studies import Picture
 from jerkbench.report.review import review
 from jerkbench.report.study_verdicts import across, study_verdicts
@@ -21,14 +21,13 @@ if TYPE_CHECKING:
 
 
 _STYLES = ("report.css", "vendor/uplot/uPlot.min.css")
-_SCRIPTS = ("vendor/uplot/uPlot.iife.min.js", "report.js", "traces.js")
+_SCRIPTS = ("vendor/uplot/uPlot.iife.min.js", "traces.js")
 """Style sheets and scripts of the page, in the order in which they are loaded."""
 
 
 def page(
     name: str,
     rows: "pd.DataFrame",
-    keys: Sequence[str],
     about: Mapping[str, Mapping[str, Any]],
     notes: Sequence[str],
     provenance: Mapping[str, Any],
@@ -43,12 +42,11 @@ def page(
     Args:
         name: name of the study.
         rows: one row for each job and seed.
-        keys: for each row, the key of its job.
         about: metadata of each job, by the key of the job.
         notes: notes below the tables.
         provenance: entries of the manifest: command, time, commit, versions of libraries, and computer.
         pictures: figures of the study.
-        curves: errors over time of each scenario, as encoded by `jerkbench.report.study_figures`.
+        curves: errors over time of each scenario, as returned by `jerkbench.report.study_figures.draw_study`.
         rule: margin and level of the verdicts.
         method: factors that define a method, or None for the default of `study_verdicts`.
     """
@@ -57,8 +55,7 @@ def page(
     metric = main_metric(rows)
     checks = review(rows, list(about.values()), metric)
     verdicts = study_verdicts(rows, metric, method, rule)
-    standings, findings = verdicts.standings, strongest(verdicts.standings)
-    cells = cells_view(rows, keys, about, metric, verdicts)
+    standings, sentences = verdicts.standings, findings(rows, verdicts)
     finished, failed = str(provenance.get("finished", ""))[:10], int((rows["status"] != "ok").sum())
     runs = f"runs, {failed or 'none'} diverged or failed"
     baseline = next(iter(study_baselines(rows, ["adaptation"])), None)
@@ -73,17 +70,14 @@ def page(
         answer=answer(standings),
         matrix=matrix(standings),
         settings=settings(about.values()),
-        summary=counts_of_verdicts(standings),
-        findings=findings[:MAX_FINDINGS],
-        more=findings[MAX_FINDINGS:],
+        findings=sentences[:MAX_FINDINGS],
+        more=sentences[MAX_FINDINGS:],
         across=across(verdicts),
         title=quantity(metric).heading,
         checks=checks,
         table=Markup(html_table(table, level=3)),  # noqa: S704 - its template escapes
         gallery=gallery(pictures, without=("errors",) if curves else ()),
-        cells=cells,
-        details=packed_json(cells["details"]),
-        traces={**ERROR_SCALE, "scenarios": curves},
+        traces={"scenarios": curves},
         independence=[note for note in notes if "ndependent of" in note] or ["Not stated."],
         provenance=[(key, _plain(value)) for key, value in provenance.items()],
     )

@@ -10,7 +10,7 @@ import math
 import re
 import sys
 import textwrap
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
@@ -37,16 +37,16 @@ from jerkbench.report import Choice
 from jerkbench.report.columns import METHOD, SCENARIO_FACTORS, competes
 from jerkbench.report.comparisons import RULE, VerdictRule
 from jerkbench.report.labels import bare
-from jerkbench.report.page_content import encoded, largest_of_steps
+from jerkbench.report.page_content import largest_of_steps
 from jerkbench.report.plots import consistency, runs
 from jerkbench.report.plots.studies import (
+    SCENES,
     Drawing,
     Methods,
     Picture,
     by_difference,
     of_rows,
     palette_of,
-    telling_scenes,
 )
 from jerkbench.report.plots.style import Palette
 from jerkbench.report.summary import main_metric
@@ -62,7 +62,7 @@ WANTED = (("baseline", "none"), ("jerk", "mtf"), ("jerk", "none"), ("gnss_only",
 """Methods (filter and adaptation) that are drawn in addition to the best method, if the study contains them."""
 
 SHOWN_METHODS = 6
-"""Maximum number of methods in a figure. User plugins and methods requested by name may exceed this number."""
+"""Maximum number of methods in a figure. Methods requested by name may exceed this number."""
 
 FROM_ELSEWHERE = ("command", "trajectory")
 """Builtin filters that count as user plugins, because they run a user program or read a trajectory of other software.
@@ -71,14 +71,11 @@ FROM_ELSEWHERE = ("command", "trajectory")
 SEEDS = 10
 """Maximum number of runs of the best method whose NEES and NIS are averaged."""
 
-MAX_CURVES = 40
+MAX_CURVES = 12
 """Maximum number of jobs of a scenario whose errors over time are shown. Jobs with user plugins come first."""
 
-MAX_ERRORS = 120_000
-"""Maximum number of error values of all jobs in the report. Each value takes two bytes."""
-
-STRETCH_STEPS = (100, 600)
-"""Minimum and maximum number of time steps into which the errors of a recording are divided."""
+CURVE_STEPS = 300
+"""Number of time steps into which the errors of a recording are divided."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +90,7 @@ class Request:
         traces: whether the report contains errors over time, for at most ``limit`` scenarios.
         run_programs: whether external programs in stored configurations may run. If ``run_programs`` is False, jobs
             with programs are left out.
-        methods: names of the methods to draw. If ``methods`` is empty, methods that differ significantly are drawn.
+        methods: names of the methods to draw. If ``methods`` is empty, the best methods are drawn.
         scenarios: names of the scenarios to draw. If ``scenarios`` is empty, ``choice`` selects the scenarios.
         seed: seed of the runs to draw, or None for the first seed.
     """
@@ -153,16 +150,15 @@ def _drawing_tasks(study: Study, request: Request) -> list[Callable[[], DrawnStu
     for key, labels in study.labels.items():
         scenarios.setdefault(", ".join(labels[factor] for factor in SCENARIO_FACTORS), {})[key] = labels
     named = tuple(dict.fromkeys(zip(study.rows["filter"], study.rows["adaptation"], strict=True)))
-    methods: Mapping[str, Methods] = dict.fromkeys(scenarios, named if request.methods else ())
-    few = request.choice is Choice.FEW and not (request.methods or request.scenarios)
+    methods = named if request.methods else ()
+    few, pictured = request.choice is Choice.FEW, list(scenarios)
     if few or (len(scenarios) > request.limit and not request.scenarios):
-        ranked = dict(list(by_difference(study.rows, metric, list(scenarios)).items())[: request.limit])
-        scenarios = {name: labels for name, labels in scenarios.items() if name in ranked}
-        methods = telling_scenes(ranked) if few else methods
-    steps = _steps_of(scenarios.values()) if request.traces else 0
-    draw = partial(_draw_scenario, request, study.folder, metric, palette, steps)
-    drawn = {name: labels for name, labels in scenarios.items() if steps or name in methods}
-    return [of_all_rows, *(partial(draw, name, labels, methods.get(name)) for name, labels in drawn.items())]
+        pictured = by_difference(study.rows, metric, list(scenarios))[: request.limit]
+        scenarios = {name: labels for name, labels in scenarios.items() if name in pictured}
+    pictured = pictured[:SCENES] if few else pictured
+    draw = partial(_draw_scenario, request, study.folder, metric, palette)
+    tasks = [partial(draw, name, labels, methods if name in pictured else None) for name, labels in scenarios.items()]
+    return [of_all_rows, *tasks]
 
 
 def _requested(study: Study, request: Request) -> Study:
@@ -184,22 +180,20 @@ def _draw_scenario(
     folder: Path,
     metric: str,
     palette: Palette,
-    steps: int,
     name: str,
     labels: Mapping[str, Mapping[str, str]],
     methods: Methods | None,
 ) -> DrawnStudy:
     """Draw the figures of a scenario, and compute the errors over time for the report.
 
-    ``methods`` are the methods to draw: an empty tuple selects the best methods, and None draws no figures. ``steps``
-    is the number of time steps of each error curve, or 0 to compute no error curves.
+    ``methods`` are the methods to draw: an empty tuple selects the best methods, and None draws no figures.
     """
     try:
         stored = runnable(Store(folder).read(list(labels))[0], run_programs=request.run_programs)
         jobs = ranked([replace(job, metadata={**job.metadata, "labels": labels[job.key]}) for job in stored], metric)
         drawings = [] if methods is None else _draw_runs(name, jobs, methods, request.seed, palette)
         pictures = [_picture(drawing, name, request) for drawing in drawings]
-        return pictures, _curves(name, jobs, steps, palette) if steps else []
+        return pictures, _curves(name, jobs, palette) if request.traces else []
     except JerkbenchError as error:
         print(f"jerkbench: the figures of {name} were not drawn: {error}", file=sys.stderr)
         return [], []
@@ -243,23 +237,23 @@ def _draw_runs(
     recording, estimates = with_title(made[best][0], row.job, row.draw), {name: run[1] for name, run in made.items()}
     updated = {method: estimate for method, estimate in estimates.items() if len(estimate.updates.t_s)}
     errors = partial(runs.error_figure, recording, burn_in_s=row.job.protocol.burn_in_s, palette=palette)
-    trajectory = runs.inset_trajectory_figure(recording, estimates, palette)
+    trajectory = runs.trajectory_figure(recording, estimates, palette)
     figures = {
         "errors": ("position error, first seed", errors(estimates, panels=1)),
-        "trajectory": ("trajectory, and a part of it enlarged", trajectory),
+        "trajectory": ("trajectory", trajectory),
         "three-sigma": (f"errors of {best} with three sigmas", errors({best: estimates[best]})),
         "consistency": (f"NEES and NIS of {best}", consistency.consistency_figure(of_best, best, palette)),
         "adapted-r": ("measurement noise that was used", consistency.adapted_r_figure(recording, updated, palette)),
     }
-    if recording.imu is not None:
-        tilt = consistency.tilt_figure(recording, {row.job.labels.attitude: estimates[best]}, palette)
-        figures["tilt"] = "roll and pitch against the reference", tilt
+    if recording.imu is not None and recording.reference.euler_rad is not None:
+        inclination = runs.inclination_figure(recording, {row.job.labels.attitude: estimates[best]}, palette)
+        figures["inclination"] = "inclination error", inclination
     for kind, (caption, figure) in figures.items():
         yield Drawing(f"{file_stem([name])}-{kind}", f"{name}: {caption}.", figure)
 
 
 def _selected(cells: Sequence[Stored], wanted: Methods) -> dict[str, Stored]:
-    """Return the jobs to draw: the best job, the best job of each user plugin, the wanted methods, and further jobs.
+    """Return the jobs to draw: the best job, the jobs with user plugins, the wanted methods, and further jobs.
 
     If a method was run with several noise settings, only the best of these jobs is selected.
 
@@ -269,27 +263,24 @@ def _selected(cells: Sequence[Stored], wanted: Methods) -> dict[str, Stored]:
             best methods are selected.
     """
     methods: dict[tuple[str, str], Stored] = {}
-    of_plugin: dict[tuple[str, str], tuple[str, str]] = {}
     for cell in cells:
-        method = _method(cell)
-        methods.setdefault(method, cell)
-        for plugin in of_user(cell.metadata["spec"]):
-            of_plugin.setdefault(plugin, method)
+        methods.setdefault(_method(cell), cell)
     best, *others = methods
+    of_user = [method for method, cell in methods.items() if is_of_user(cell.metadata["spec"])]
     known = [method for method in wanted or WANTED if method in methods]
-    most = len(methods) if wanted else max(SHOWN_METHODS, 1 + len(of_plugin))
-    places = list(dict.fromkeys([best, *of_plugin.values(), *known, *([] if wanted else others)]))
+    most = len(methods) if wanted else SHOWN_METHODS
+    places = list(dict.fromkeys([best, *of_user[: SHOWN_METHODS - 1], *known, *([] if wanted else others)]))
     return {_name(methods[key]): methods[key] for key in places[:most]}
 
 
-def of_user(spec: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the kind and the name of each user plugin among the filter and the adaptation of a stored job.
+def is_of_user(spec: Mapping[str, Any]) -> bool:
+    """Return whether the filter or the adaptation of a stored job is a user plugin.
 
     A user plugin is a plugin of another package, an external program, or a trajectory from other software.
     """
     parts = [(kind, str(spec[kind]["name"])) for kind in ("filter", "adaptation")]
     known = [(kind, name) for kind, name in parts if name in plugins.names(kind)]
-    return [part for part in known if part[1] in FROM_ELSEWHERE or not plugins.is_builtin(plugins.get(*part))]
+    return any(name in FROM_ELSEWHERE or not plugins.is_builtin(plugins.get(kind, name)) for kind, name in known)
 
 
 def ranked(group: Sequence[Stored], metric: str) -> list[Stored]:
@@ -316,13 +307,7 @@ def _name(cell: Stored) -> str:
     return " + ".join(_method(cell)) + (f", {noise}" if noise != "default" else "")
 
 
-def _steps_of(scenarios: Iterable[Collection[str]]) -> int:
-    """Return the number of time steps of each error curve, such that all curves have at most `MAX_ERRORS` values."""
-    curves = sum(min(len(keys), MAX_CURVES) for keys in scenarios)
-    return int(np.clip(MAX_ERRORS // max(1, curves), *STRETCH_STEPS))
-
-
-def _curves(scenario: str, jobs: Sequence[Stored], steps: int, palette: Palette) -> list[dict[str, Any]]:
+def _curves(scenario: str, jobs: Sequence[Stored], palette: Palette) -> list[dict[str, Any]]:
     """Repeat one run of each selected job of a scenario, and return the position errors over time.
 
     Jobs with user plugins and the best other jobs are selected, up to `MAX_CURVES` jobs. The result has the form that
@@ -331,20 +316,20 @@ def _curves(scenario: str, jobs: Sequence[Stored], steps: int, palette: Palette)
     Raises:
         JerkbenchError: a stored job cannot be run again, for example because its data have changed.
     """
-    selected = {job.key for job in sorted(jobs, key=lambda job: not of_user(job.metadata["spec"]))[:MAX_CURVES]}
+    selected = {job.key for job in sorted(jobs, key=lambda job: not is_of_user(job.metadata["spec"]))[:MAX_CURVES]}
     rows = {job.key: (job, row_of(job, run_programs=True)) for job in jobs if job.key in selected}
     runs = [(job, row, *row.run()) for job, row in rows.values() if row.row["status"] != "failed"]
     recordings = [recording for _, _, recording, _ in runs if recording.reference.enu_m is not None]
     if not recordings:
         return []
     t_s, row = recordings[0].reference.t_s, runs[0][1]
-    edges_s = np.linspace(t_s[0], t_s[-1], min(steps, len(t_s)) + 1)
+    edges_s = np.linspace(t_s[0], t_s[-1], min(CURVE_STEPS, len(t_s)) + 1)
     lines = []
     for job, _, seen, estimate in runs:
         error_m = position_error_length_m(estimate, seen)
         largest_m = largest_of_steps(seen.reference.t_s[estimate.index], error_m, edges_s)
         name, style = _name(job), palette.style(_method(job))
-        line = {"key": job.key, "name": name, "colour": style.colour, "dash": style.dash, "error": encoded(largest_m)}
+        line = {"key": job.key, "name": name, "colour": style.colour, "dash": style.dash, "error": largest_m}
         lines.append(line)
     draw = f"{'seed' if row.job.seeded else 'phase'} {row.draw}"
     start, step = round(float(edges_s[0]), 6), round(float(edges_s[1] - edges_s[0]), 6)
@@ -406,12 +391,6 @@ FIGURES, REPORT = "figures", "report.html"
 PROVENANCE = ("command", "finished", "commit", "versions", "host")
 """Entries of the manifest that the report contains."""
 
-OTHERWISE = {
-    Choice.FEW: "figures=all draws all scenarios, figures=none draws no figures",
-    Choice.ALL: "figures=few draws scenarios with a finding, figures=none draws no figures",
-}
-"""Text that describes the alternatives to each value of the option ``figures``."""
-
 
 def present(study: Study, workers: int, choice: Choice, *, pdf: bool = False, run_programs: bool = False) -> None:
     """Print messages about the progress, draw the figures of a study, and write its report.
@@ -426,7 +405,7 @@ def present(study: Study, workers: int, choice: Choice, *, pdf: bool = False, ru
     """
     figures, report = study.folder / FIGURES, study.folder / REPORT
     if choice is not Choice.NONE:
-        print(f"Drawing the figures ({OTHERWISE[choice]}).", flush=True)
+        print("Drawing the figures (figures=few, all or none).", flush=True)
     write_report(study, report, Request(choice, out=figures, pdf=pdf, run_programs=run_programs), workers)
     if choice is not Choice.NONE:
         print(f"Figures: {figures}")
@@ -457,5 +436,5 @@ def write_report(
     manifest = read_manifest(study.folder)
     about = {key: {**study.metadata[key], "labels": labels} for key, labels in study.labels.items()}
     name, provenance = study.folder.resolve().name, {key: manifest[key] for key in PROVENANCE if key in manifest}
-    given = name, study.rows, list(study.keys), about, study.notes, provenance, pictures, stretches
+    given = name, study.rows, about, study.notes, provenance, pictures, stretches
     write_text(path, page(*given, rule=rule, method=method))

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 from jerkbench import plugins
 from jerkbench.notices import plain
 from jerkbench.parameters import provenance_of
-from jerkbench.report.columns import FACTORS, GNSS_ONLY, MAIN, SCENARIO_FACTORS, WHY
-from jerkbench.report.labels import contradiction
+from jerkbench.report.columns import FACTORS, GNSS_ONLY, MAIN, REFERENCE_METHODS, SCENARIO_FACTORS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -16,7 +15,7 @@ WORSE_RATIO = 1.1
 """A method is reported if its median error is more than this factor times the error of the fixes alone."""
 
 MAX_NAMED = 3
-"""Maximum number of scenarios, of methods in a scenario, and of wrong labels that a note lists."""
+"""Maximum number of scenarios and of methods in a scenario that a note lists."""
 
 JobMetadata = Mapping[str, Any]
 """Metadata of a stored job: labels, spec, data, notes, versions of the code."""
@@ -54,11 +53,9 @@ def notes_of_study(
     if other_runs:
         which = "1 stored run is" if other_runs == 1 else f"{other_runs} stored runs are"
         notes.append(f"{which} left out: the last command used other seeds.")
-    if wrong := list(dict.fromkeys(filter(None, (contradiction(job["labels"], job["spec"]) for job in jobs)))):
-        notes.append(f"Labels that differ from the plugin that ran: {'; '.join(map(plain, wrong[:MAX_NAMED]))}.")
     if damaged:
         notes.append(f"{damaged_files(damaged)} left out: {', '.join(map(plain, damaged))}.")
-    return [*notes, *_provenance_notes(jobs), *_worse_than_fixes(rows, jobs)]
+    return [*notes, *_provenance_notes(jobs), *_worse_than_fixes(rows)]
 
 
 def notes_of_part(
@@ -86,55 +83,32 @@ def damaged_files(names: Sequence[str]) -> str:
 def _provenance_notes(cells: Sequence[JobMetadata]) -> list[str]:
     """Return a note that lists the simplified and the unpublished methods of a study, except reference methods."""
     named_by_kind: dict[str, list[str]] = {"simplified": [], "own": []}
-    for kind, name in sorted({(kind, str(cell["spec"][kind]["name"])) for cell in cells for kind in WHY}):
+    for kind, name in sorted({(kind, str(cell["spec"][kind]["name"])) for cell in cells for kind in REFERENCE_METHODS}):
         known = provenance_of(plugins.get(kind, name)) if name in plugins.names(kind) else None
-        if known and known.kind in named_by_kind and name not in WHY[kind]:
+        if known and known.kind in named_by_kind and name != REFERENCE_METHODS[kind]:
             named_by_kind[known.kind].append(name)
     named = "; ".join(f"{kind}: {', '.join(names)}" for kind, names in named_by_kind.items() if names)
     return [f"Not as published: {named}. `jerkbench show` describes the differences."] if named else []
 
 
-def _worse_than_fixes(rows: "pd.DataFrame", jobs: Sequence[JobMetadata]) -> list[str]:
-    """Return notes about methods whose errors are larger than the errors of the fixes, and about likely causes."""
+def _worse_than_fixes(rows: "pd.DataFrame") -> list[str]:
+    """Return a note about methods whose errors are larger than the errors of the fixes, or no note."""
     if MAIN not in rows.columns or not (rows["filter"] == GNSS_ONLY).any():
         return []
     run = rows[rows["status"] != "failed"]
     errors = run[MAIN].where(run["status"] == "ok", float("inf"))
     medians: Any = errors.groupby([run[key].astype(str) for key in FACTORS]).median()
-    losing = {}
+    losing = []
     for scenario, methods in medians.groupby(level=[*SCENARIO_FACTORS]):
         floor = methods[methods.index.get_level_values("filter") == GNSS_ONLY].min()
-        if len(worse := methods[methods > WORSE_RATIO * floor].sort_values(ascending=False, kind="stable")):
-            losing[scenario] = _losers(scenario, worse, floor)
-    if not losing:
-        return []
-    left = len(losing) - MAX_NAMED
-    more = [f"Methods are worse than {GNSS_ONLY} in {left} more scenarios."] * (left > 0)
-    return [*list(losing.values())[:MAX_NAMED], *_advice(jobs, {scenario[-1] for scenario in losing}), *more]
+        worse = methods[methods > WORSE_RATIO * floor].sort_values(ascending=False, kind="stable")
+        names = ["+".join(name for name in labels[3:] if name not in ("none", "default")) for labels in worse.index]
+        if names:
+            losing.append(f"{', '.join(scenario)}: {_first(names)}")
+    return [f"Worse than {GNSS_ONLY}, which has no IMU: {_first(losing, '; ')}."] if losing else []
 
 
-def _losers(scenario: tuple[str, ...], worse: "pd.Series[float]", floor: float) -> str:
-    named = []
-    for labels, error_m in zip(worse.index.tolist(), worse.tolist(), strict=True):
-        method = "+".join(name for name in labels[len(SCENARIO_FACTORS) :] if name not in ("none", "default"))
-        named.append(f"{method} ({f'{error_m:.3g} m' if error_m < float('inf') else 'failed'})")
-    more = f" and {len(named) - MAX_NAMED} more" if len(named) > MAX_NAMED else ""
-    where, worst = ", ".join(scenario), ", ".join(named[:MAX_NAMED])
-    return f"Worse than {GNSS_ONLY} ({floor:.3g} m), which has no IMU, in {where}: {worst}{more}."
-
-
-def _advice(cells: Sequence[JobMetadata], attitudes: set[str]) -> list[str]:
-    """Return a note with likely causes of poor results on recorded data, and with remedies.
-
-    For simulated data, the list is empty, because the faults of simulated data are known.
-    """
-    recorded = [cell for cell in cells if cell["data"]]
-    if not recorded:
-        return []
-    causes = ["gaps of the IMU", "its axes or stamps", "an acceleration noise of the filter that is too small"]
-    moving = any(cell["spec"].get("dataset", {}).get("static_start_s") == 0.0 for cell in recorded)
-    if moving and attitudes - {"reference"}:
-        causes.insert(0, "a tilt that is wrong by degrees (static_start_s=0: it starts level, without a rest)")
-    reference = "" if attitudes == {"reference"} else " attitude=reference, which tells whether the tilt is at fault;"
-    tried = f"`jerkbench data inspect`;{reference} filter=eskf15; a larger filter.accel_mps2, or `jerkbench tune`"
-    return [f"Likely causes: {'; '.join(causes)}. Try {tried}."]
+def _first(texts: Sequence[str], separator: str = ", ") -> str:
+    """Return the first `MAX_NAMED` texts, and the number of the other texts."""
+    more = f" and {len(texts) - MAX_NAMED} more" if len(texts) > MAX_NAMED else ""
+    return separator.join(texts[:MAX_NAMED]) + more

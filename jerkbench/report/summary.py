@@ -7,11 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from jerkbench.evaluation.correlated_errors import MIN_CORRELATION_TIMES
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.evaluation.intervals import ENOUGH, OUTLIER_FACTOR, share_interval
+from jerkbench.evaluation.intervals import OUTLIER_FACTOR, share_interval
 from jerkbench.evaluation.over_seeds import GEOMETRIC, MEAN, MEDIAN
 from jerkbench.files import write_atomically, write_text
 from jerkbench.report.columns import (
@@ -20,44 +18,15 @@ from jerkbench.report.columns import (
     declared,
     metric_columns,
     quantity,
-    references_note,
     with_metric,
 )
 from jerkbench.report.comparisons import MAX_PAIRS, family_note, leaders_of
 from jerkbench.report.study_verdicts import StudyVerdicts, is_rival, study_verdicts
-from jerkbench.report.table_model import ABSENT, Grid, Table, TableCell, Values, arranged, number
+from jerkbench.report.table_model import ABSENT, Grid, Table, TableCell, Values, arranged
 from jerkbench.report.writers import latex, markdown, write_tidy_csv
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-_BOUND = "position_bound_m"
-"""The column with the lower bound of the metric `MAIN`."""
-
-_SCENARIO = ("dataset", "disturbance")
-"""Factors on which the bound depends. The attitude and the method have no influence on the bound."""
-
-_MAX_BOUNDS = 20
-"""Maximum number of bounds that the footnote lists."""
-
-
-def bound_note(metric: str, rows: "pd.DataFrame") -> Iterator[str]:
-    """Yield a footnote with the known lower bounds of the position RMSE and the number of scenarios without a bound."""
-    if metric != MAIN or _BOUND not in rows.columns:
-        return
-    count = len(rows[[*_SCENARIO]].drop_duplicates())
-    known = rows[np.isfinite(rows[_BOUND].to_numpy(dtype=float)) & (rows["status"] == "ok").to_numpy()]
-    texts = []
-    for scenario, of in known.groupby([*_SCENARIO], sort=False):
-        seeds = of.groupby("seed")[_BOUND].min().to_numpy()  # the root mean square over the seeds is the bound
-        texts.append(f"{number(float(np.sqrt(np.mean(seeds**2))))} ({', '.join(map(str, scenario))})")
-    more = [f"{len(texts) - _MAX_BOUNDS} more"] if len(texts) > _MAX_BOUNDS else []
-    unknown = [f"not known for {count - len(texts)} of {count} scenarios"] if len(texts) < count else []
-    yield (
-        "Posterior Cramér-Rao bound [m] from the true noises: the smallest RMSE of a causal filter that does not know"
-        f" the motion: {', '.join([*texts[:_MAX_BOUNDS], *more, *unknown])}."
-    )
 
 
 # Footnotes of a table: constant factors, explanation of the numbers, and failures.
@@ -68,12 +37,12 @@ REASONS = 3
 _KINDS = {
     GEOMETRIC: "Geometric mean of the successful runs and its 95 % interval (Student's t of the logarithms, "
     "{seeds} seeds).",
-    MEDIAN: "Median of {seeds} seeds and its 95 % interval (order statistics). A diverged or failed run counts as "
-    "infinitely large. gm: geometric mean of the successful runs.",
+    MEDIAN: "Median of {seeds} seeds and its 95 % interval (order statistics). A failed run counts as infinite.",
     MEAN: "Mean of {seeds} seeds and its 95 % interval (BCa bootstrap; Student's t for fewer than 5 seeds).",
 }
 """The footnote about the interval for each kind of average."""
 
+GEOMETRIC_NOTE = "gm: geometric mean of the successful runs."
 
 _BEST = "Bold: best in the row. No other method is significantly better, and at least one is significantly worse."
 
@@ -90,21 +59,20 @@ def footnoted(table: Table, rows: "pd.DataFrame", notes: Sequence[str] = (), fam
     cells = [cell for row in table.cells for cell in row if cell is not None]
     same = ", ".join(f"{key} {value}" for key, value in table.constants)
     constants = (f"In every cell: {same}.",) if same else ()
-    limits = (*bound_note(table.metric, rows), *_outages(table, rows))
-    texts = (*constants, *_reading(table, cells), *_ratios(table, cells, family), *_meaning(table, cells))
-    return dataclasses.replace(table, footnotes=(*texts, *limits, *_trouble(cells, rows), *notes))
+    texts = (*constants, *_reading(cells), *_ratios(table, cells, family), *_meaning(table, cells))
+    return dataclasses.replace(table, footnotes=(*texts, *_trouble(cells, rows), *notes))
 
 
-def _reading(table: Table, cells: list[TableCell]) -> Iterator[str]:
+def _reading(cells: list[TableCell]) -> Iterator[str]:
     """Yield footnotes that explain the averages, the intervals, and the marks of the best methods."""
     seeded = [c for c in cells if c.interval and c.replicate == "seed"]
     for kind, template in _KINDS.items():
         used = [cell.runs if kind == MEDIAN else cell.used for cell in seeded if cell.kind == kind]
         if used:
             seeds = f"{max(used)}" if min(used) == max(used) else f"{min(used)} to {max(used)}"
-            few = kind == GEOMETRIC and min(used) < ENOUGH
-            widened = f" With fewer than {ENOUGH} seeds it is widened for skewed errors." * few
-            yield template.format(seeds=seeds) + widened
+            yield template.format(seeds=seeds)
+    if any(c.geometric_text for c in cells):
+        yield GEOMETRIC_NOTE
     recorded = [c for c in cells if c.recording_interval and c.used]
     if any(c.interval for c in recorded):
         phases = " (geometric means over its phases)" if any(c.used > 1 for c in recorded) else ""
@@ -120,9 +88,7 @@ def _reading(table: Table, cells: list[TableCell]) -> Iterator[str]:
     if any(c.interval for c in cells if c.replicate == "phase" and not c.recording_interval):
         yield "{low–high}: range over the phases of one recording, not a confidence interval."  # noqa: RUF001 - a range
     if any(c.best for c in cells):
-        placed = [labels.items() for labels, _ in table.placed()]
-        labels = {key: {value for items in placed for name, value in items if name == key} for key in FACTORS}
-        yield f"{_BEST} {references_note(labels)}".strip()
+        yield _BEST
 
 
 def _ratios(table: Table, cells: list[TableCell], family: str) -> Iterator[str]:
@@ -130,11 +96,7 @@ def _ratios(table: Table, cells: list[TableCell], family: str) -> Iterator[str]:
     baseline = ", ".join(f"{key}={value}" for key, value in table.baseline)
     if any(c.factor for c in cells):
         yield f"×r: geometric mean of the ratio to {baseline} over the common seeds; median if runs failed."  # noqa: RUF001
-        if table.average == MEAN:
-            yield "The means are arithmetic, so their quotient differs from ×r."  # noqa: RUF001
         yield family
-    elif baseline:
-        yield f"Without a ratio to {baseline}: no seed has a value above 0 in both."
 
 
 def _meaning(table: Table, cells: list[TableCell]) -> Iterator[str]:
@@ -145,15 +107,6 @@ def _meaning(table: Table, cells: list[TableCell]) -> Iterator[str]:
         yield "n/a: the metric does not apply."
     if any(cell is None for row in table.cells for cell in row):
         yield f"{ABSENT}: this combination was not run."
-
-
-def _outages(table: Table, rows: "pd.DataFrame") -> Iterator[str]:
-    """Yield a footnote with the number of outages of a run that have a known error at the end of the outage."""
-    if table.metric in ("outage_end_m", "outage_end_max_m") and "outages_counted" in rows.columns:
-        counts = rows.loc[rows["status"] == "ok", "outages_counted"].dropna()
-        ends = dict.fromkeys(f"{int(of(counts))}" for of in (min, max) if len(counts))
-        if ends:
-            yield f"Outages of a run with a known error at the end: {' to '.join(ends)}."
 
 
 def _trouble(cells: list[TableCell], rows: "pd.DataFrame") -> Iterator[str]:

@@ -1,13 +1,17 @@
 """Print tables in a terminal of any width. Numbers and intervals are never broken over two lines."""
 
 import dataclasses
+import math
+import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from textwrap import shorten, wrap
 from typing import TYPE_CHECKING
 
 from jerkbench.notices import plain, styled
 from jerkbench.report.columns import FACTORS, metric_columns, quantity
-from jerkbench.report.summary import main_metric, summarise
+from jerkbench.report.summary import GEOMETRIC_NOTE
 from jerkbench.report.table_model import Table, TableCell, arranged, parts
 
 if TYPE_CHECKING:
@@ -20,28 +24,75 @@ if TYPE_CHECKING:
 MAX_ROWS = 500
 """Maximum number of rows that a sweep prints at its end."""
 
+MAX_NOTE_LINES = 3
+"""Maximum number of lines of notes below a table without the option ``--notes``."""
+
+_IMPORTANCE = (
+    r"^These are the first|^Diverged or failed|^Failed: |damaged file|tuned on the seeds|versions of the code|^Worse",
+    r"95 % interval|one recording|^Tuned by",
+    r"^(?!In every cell|Bold|\*: |gm: |n/a: |No interval|–: |×r|Not as published|Reference of .*: simulated)",  # noqa: RUF001
+    r"significant",
+)
+"""Patterns of notes, the most important notes for the interpretation of the numbers first.
+
+The third pattern matches notes about the recordings and the methods of a study.
+"""
+
 _STYLES = {"best": "bold", "trouble": "red", "absent": "dim"}
 """Rich style of each kind of text in a cell. Kinds of text that are not listed have no style."""
 
 
-def print_table(rows: "pd.DataFrame", notes: Sequence[str] = (), metric: str | None = None) -> None:
-    """Print the table of ``metric`` (default: `main_metric`) with ``notes``, at full width if the output is a pipe."""
-    print_beginning(summarise(rows, metric or main_metric(rows), notes=notes))
+def print_table(
+    table: Table, folder: Path, *, wide: bool = False, every_note: bool = False, max_rows: int | None = None
+) -> None:
+    """Print a table with its most important notes. If the output is a pipe, each cell is printed on one line.
 
-
-def print_beginning(table: Table) -> None:
-    """Print at most the first `MAX_ROWS` rows of a table."""
-    if len(table.rows) > MAX_ROWS:
-        left_out = f"These are the first {MAX_ROWS} of {len(table.rows)} rows; table.md has all."
-        first = table.rows[:MAX_ROWS], table.cells[:MAX_ROWS]
+    Args:
+        table: table to print.
+        folder: folder of the study, which the line about the other notes contains.
+        wide: whether to print the geometric mean in addition to the median.
+        every_note: whether to print all notes.
+        max_rows: maximum number of rows to print, or None to print all rows.
+    """
+    if max_rows is not None and len(table.rows) > max_rows:
+        left_out = f"These are the first {max_rows} of {len(table.rows)} rows; table.md has all."
+        first = table.rows[:max_rows], table.cells[:max_rows]
         table = dataclasses.replace(table, rows=first[0], cells=first[1], footnotes=(left_out, *table.footnotes))
-    print_summary(table)
-
-
-def print_summary(table: Table) -> None:
-    """Print all rows of a table. If the output is a pipe, each cell is printed on one line."""
+    table = table if wide else without_geometric(table)
     console = _console()
-    _print(terminal_table(table, console.width if console.is_terminal else None))
+    width = console.width if console.is_terminal else None
+    notes = table.footnotes if every_note else shown_notes(table.footnotes, folder, width)
+    _print(terminal_table(dataclasses.replace(table, footnotes=tuple(notes)), width))
+
+
+def without_geometric(table: Table) -> Table:
+    """Return a table without geometric means and without the note that explains them.
+
+    A geometric mean remains if the median run of the cell failed, because no other number describes the successful
+    runs.
+    """
+    cells = [[_without_geometric(cell) for cell in row] for row in table.cells]
+    remains = any(cell.geometric_text for row in cells for cell in row if cell is not None)
+    notes = tuple(note for note in table.footnotes if remains or note != GEOMETRIC_NOTE)
+    return dataclasses.replace(table, cells=tuple(map(tuple, cells)), footnotes=notes)
+
+
+def _without_geometric(cell: TableCell | None) -> TableCell | None:
+    return cell if cell is None or math.isinf(cell.mean) else cell._replace(geometric=math.nan)
+
+
+def shown_notes(notes: Sequence[str], folder: Path, width: int | None) -> list[str]:
+    """Return the most important notes, one line each, and a line with the number of the other notes."""
+    if len(notes) <= MAX_NOTE_LINES and sum(len(wrap(note, width or len(note))) for note in notes) <= MAX_NOTE_LINES:
+        return list(notes)
+    rank = {
+        note: next((k for k, p in enumerate(_IMPORTANCE) if re.search(p, note)), len(_IMPORTANCE)) for note in notes
+    }
+    first = sorted(notes, key=rank.__getitem__)[: MAX_NOTE_LINES - 1]
+    lines = [note if width is None else shorten(note, width, placeholder=" ...") for note in first]
+    left = len(notes) - len(first)
+    others = f"{left} more note{'s' * (left > 1)}" if left else "The complete notes"
+    return [*lines, f"{others}: jerkbench table {folder} --notes"]
 
 
 def print_run(rows: "pd.DataFrame") -> None:
@@ -51,7 +102,7 @@ def print_run(rows: "pd.DataFrame") -> None:
     for metric in metric_columns(rows):
         (cell,) = numbers.cells(metric).values()
         if cell.number != "n/a":
-            grid.add_row(_plain(quantity(metric).heading), _text(cell))
+            grid.add_row(_plain(quantity(metric).heading), _text(_without_geometric(cell)))
     wrong = rows[rows["status"] != "ok"]
     columns = (wrong["replicate"], wrong["seed"], wrong["status"], wrong["reason"])
     complaints = [f"{replicate} {k} {status}: {reason}" for replicate, k, status, reason in zip(*columns, strict=True)]

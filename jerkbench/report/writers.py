@@ -18,7 +18,7 @@ import pandas as pd
 
 from jerkbench.arrays import BoolArray
 from jerkbench.errors import JerkbenchError
-from jerkbench.estimate import Estimate, Updates
+from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import known
 from jerkbench.evaluation.intervals import share_interval
 from jerkbench.files import write_text
@@ -62,14 +62,8 @@ SPECIAL = {
 
 SETUP = r"\sisetup{detect-weight=true, mode=text}"
 
-_PAGE = 44
-"""Maximum number of table lines that fit on a page together with the caption and some footnotes."""
-
 _PLAIN = re.compile(r"-?[0-9]+(\.[0-9]+)?")
 """Matches numbers that siunitx can align in a column."""
-
-_UNITS = {"%": r"\percent", "µs": r"\micro\second", "deg": r"\degree"}
-"""The siunitx macro of each unit that is not written as it is."""
 
 VALUES = (
     *("average", "mean", "low", "high", "runs", "diverged", "failed", "missing", "replicate"),
@@ -109,12 +103,6 @@ def markdown_grid(
     return "\n".join(["#" * level + f" {_inactive(title)}", "", head, rule, *body, *[""] * bool(notes), *listed, ""])
 
 
-def plain_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
-    """Return rows of texts as a Markdown table. The texts are not escaped, so they must come from a trusted source."""
-    lines = [[*map(str, line)] for line in (head, *rows)]
-    return "\n".join("| " + " | ".join(line) + " |" for line in (lines[0], ["---"] * len(lines[0]), *lines[1:]))
-
-
 def passive(text: str) -> str:
     """Return Markdown in which HTML tags, images and links are escaped, so that they are displayed as text."""
     return ACTIVE.sub(r"\\\g<0>", text)
@@ -128,30 +116,22 @@ def _inactive(text: str) -> str:
 def latex(table: Table) -> str:
     """Return a LaTeX ``table`` with caption, booktabs rules, aligned numbers and footnotes.
 
-    A table that is too long for a page is written as a ``longtable``, which repeats its header on each page. The first
-    line of the result is a comment that lists the required LaTeX packages.
+    The first line of the result is a comment that lists the required LaTeX packages.
     """
     keys = len(table.row_keys)
     columns = "l" * keys + "".join(map(_column_type, zip(*table.cells, strict=True)))
     heads = [latex_escaped(text) for text in table.header]
     ruled = [r"    \toprule", _line([*heads[:keys], *(f"{{{text}}}" for text in heads[keys:])]), r"    \midrule"]
-    caption = rf"\caption{{{_titled(table)}}}\label{{tab:{table.metric.replace('_', '-')}}}"
+    caption = rf"\caption{{{latex_escaped(table.title)}}}\label{{tab:{table.metric.replace('_', '-')}}}"
     body = [line for row in zip(table.sparse_rows, table.cells, strict=True) for line in _lines(*row)]
     notes = [rf"    {latex_escaped(note)}\par" for note in table.footnotes]
     if notes:
         begin = [r"", r"  \smallskip", r"  \noindent\begin{minipage}{\linewidth}\footnotesize\raggedright"]
         notes = [*begin, *notes, r"  \end{minipage}"]
-    if len(body) > _PAGE:
-        packages = "booktabs,siunitx,longtable"
-        start = [r"{", rf"  \small{SETUP}", rf"  \begin{{longtable}}{{{columns}}}", rf"    {caption}\\"]
-        head = [*ruled, r"    \endfirsthead", *ruled, r"    \endhead", r"    \bottomrule", r"    \endfoot"]
-        inside, end = [*start, *head, *body, r"  \end{longtable}"], "}"
-    else:
-        packages = "booktabs,siunitx"
-        start = [r"\begin{table}", r"  \centering", rf"  {SETUP}", f"  {caption}", r"  \small"]
-        head = [rf"  \begin{{tabular}}{{{columns}}}", *ruled]
-        inside, end = [*start, *head, *body, r"    \bottomrule", r"  \end{tabular}"], r"\end{table}"
-    return "\n".join([rf"% \usepackage{{{packages}}}", *inside, *notes, end, ""])
+    start = [r"\begin{table}", r"  \centering", rf"  {SETUP}", f"  {caption}", r"  \small"]
+    head = [rf"  \begin{{tabular}}{{{columns}}}", *ruled]
+    end = [r"    \bottomrule", r"  \end{tabular}", *notes, r"\end{table}", ""]
+    return "\n".join([r"% \usepackage{booktabs,siunitx}", *start, *head, *body, *end])
 
 
 def latex_escaped(text: str) -> str:
@@ -192,14 +172,6 @@ def _column_type(cells: Sequence[TableCell | None]) -> str:
     return f"S[table-format={integers}.{decimals}]"
 
 
-def _titled(table: Table) -> str:
-    """Return the title of a table as LaTeX. A unit in brackets at the end becomes a siunitx unit."""
-    unit = f" [{table.unit}]"
-    if not table.unit or not table.title.endswith(unit):
-        return latex_escaped(table.title)
-    return rf"{latex_escaped(table.title.removesuffix(unit))} {{[}}\unit{{{_UNITS.get(table.unit, table.unit)}}}{{]}}"
-
-
 def html_table(table: Table, level: int = 2) -> str:
     """Return an HTML ``section`` with a heading, a ``table`` (best cells are ``strong``), and a list of footnotes.
 
@@ -214,42 +186,32 @@ def table_json(table: Table) -> str:
     content = {
         **{name: getattr(table, name) for name in ("title", "metric", "unit", "row_keys", "column_keys")},
         "baseline": dict(table.baseline),
-        "cells": [{"combination": labels, **_json_values(cell)} for labels, cell in table.placed()],
+        "cells": [
+            {"combination": labels, **{name: _json_value(value) for name, value in _values(cell).items()}}
+            | {"best": cell.best, "verdict": cell.ratio.verdict.value if cell.ratio else None}
+            for labels, cell in table.placed()
+        ],
         "footnotes": table.footnotes,
     }
     return json.dumps(content, indent=2, allow_nan=False) + "\n"
 
 
-def _json_values(cell: TableCell) -> dict[str, Any]:
-    ratio = cell.ratio and {
-        **dict(zip(("value", "low", "high", "p"), map(_json_number, _ratio_numbers(cell)), strict=True)),
-        "different": cell.ratio.mark == "*",
-        "equal": cell.ratio.mark == "=",
-    }
-    return {
-        "average": cell.kind,
-        **{name: _json_number(getattr(cell, name)) for name in ("mean", "low", "high")},
-        "geometric_mean": _json_number(cell.geometric),
-        "quartiles": [_json_number(value) for value in cell.quartiles],
-        **{name: int(getattr(cell, name)) for name in ("runs", "diverged", "failed", "missing", "locked")},
-        "replicate": cell.replicate,
-        "best": bool(cell.best),
-        "ratio": ratio,
-    }
-
-
-def _ratio_numbers(cell: TableCell) -> tuple[float, ...]:
-    """Return ratio to the baseline, lower and upper end of its interval, and p value. Without a ratio, return ()."""
-    if cell.ratio is None:
-        return ()
-    judgement = cell.ratio.judgement
-    return judgement.ratio, judgement.low, judgement.high, judgement.p
-
-
-def _json_number(value: float) -> float | str | None:
+def _json_value(value: object) -> object:
     if value == math.inf:
         return FAILED_VALUE
-    return float(value) if math.isfinite(value) else None
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
+def _values(cell: TableCell) -> dict[str, Any]:
+    """Return the numbers of a cell by name, for CSV and JSON."""
+    judgement = cell.ratio.judgement if cell.ratio else None
+    of_ratio = (judgement.ratio, judgement.low, judgement.high, judgement.p) if judgement else [math.nan] * 4
+    values = (
+        *(cell.kind, cell.mean, cell.low, cell.high, cell.runs, cell.diverged, cell.failed, cell.missing),
+        *(cell.replicate, *of_ratio, *cell.quartiles, cell.locked),
+        *(*share_interval(cell.diverged + cell.failed, cell.runs), cell.geometric),
+    )
+    return dict(zip(VALUES, values, strict=True))
 
 
 def tidy_csv(tables: Iterable[Table]) -> str:
@@ -272,12 +234,8 @@ def write_tidy_csv(tables: Iterable[Table], file: TextIO) -> None:
     writer.writerow(["metric", "unit", *FACTORS, *VALUES])
     for table in tables:
         for labels, cell in table.placed():
-            values = (
-                *map(csv_text, (table.metric, table.unit, *(labels[factor] for factor in FACTORS))),
-                *(cell.kind, cell.mean, cell.low, cell.high, cell.runs, cell.diverged, cell.failed, cell.missing),
-                *(cell.replicate, *(_ratio_numbers(cell) or [math.nan] * 4), *cell.quartiles, cell.locked),
-                *(*share_interval(cell.diverged + cell.failed, cell.runs), cell.geometric),
-            )
+            texts = map(csv_text, (table.metric, table.unit, *(labels[factor] for factor in FACTORS)))
+            values = [*texts, *_values(cell).values()]
             writer.writerow(["" if isinstance(value, float) and math.isnan(value) else value for value in values])
 
 
@@ -370,7 +328,7 @@ def breakable(text: object) -> "Markup":
     return Markup("<wbr>").join(escape(part) for part in BREAKS.split(str(text)))
 
 
-# Files of a single run that other programs read: trajectories in the TUM format, and updates as CSV.
+# Files of a single run that other programs read: trajectories in the TUM format.
 
 
 def write_tum_pair(folder: Path, recording: Recording, estimate: Estimate, counted: BoolArray) -> list[Path]:
@@ -405,34 +363,3 @@ def write_tum_pair(folder: Path, recording: Recording, estimate: Estimate, count
         text = table.to_csv(sep=" ", header=False, index=False, lineterminator="\n")
         write_text(folder / f"{name}.tum", text)
     return [folder / f"{name}.tum" for name in trajectories]
-
-
-MEASURED_ROWS = tuple(
-    f"{name}_{axis}_{unit}"
-    for name, unit in (("position", "m"), ("velocity", "mps"))
-    for axis in ("east", "north", "up")
-)
-"""Names of the six rows of a measurement with their units: position and velocity in ENU."""
-
-UPDATE_COLUMNS = (
-    *("t_s", "rows", "nis", "nis_used"),
-    *(f"innovation_{name}" for name in MEASURED_ROWS),
-    *(f"sigma_used_{name}" for name in MEASURED_ROWS),
-)
-
-
-def write_updates(path: Path, updates: Updates) -> None:
-    """Write a CSV file that contains one line for each update, at full precision.
-
-    ``sigma_used`` is the square root of the diagonal of the R that the adaptation returned, and infinite for a
-    measurement that the adaptation dropped. The values of missing measurements are empty. The column ``nis`` is
-    computed with the reported R, and ``nis_used`` with the R that the adaptation returned.
-
-    Raises:
-        JerkbenchError: the run has no updates.
-    """
-    if not len(updates.t_s):
-        raise JerkbenchError("The run has no stored updates, so no file was written.")
-    head = np.column_stack([updates.t_s, updates.rows, updates.nis, updates.nis_used])
-    table = np.hstack([head, updates.innovation, np.sqrt(updates.R_diagonal)])
-    write_text(path, pd.DataFrame(table, columns=UPDATE_COLUMNS).to_csv(index=False, lineterminator="\n"))

@@ -14,7 +14,6 @@ from jerkbench.evaluation.intervals import (
     hall_intervals,
     median_intervals,
     quantiles_of_rows,
-    seeds_without_failure,
     share_interval,
     student_intervals,
 )
@@ -67,9 +66,7 @@ def test_losses_that_were_not_seen_are_bounded_in_words_and_excluded_by_99_seeds
     assert failures_text(3, 0, 20) == "3 of 20 failed (up to 34 %)"
     assert failures_text(0, 0, 100) == "0 of 100 failed (up to 3.0 %)"
     assert failures_text(5, 0, 5) == "5 of 5 failed (up to 100 %)"
-    assert seeds_without_failure(0.03) == 99
     assert failure_bound(0, 99) < 0.03 < failure_bound(0, 98)
-    assert (seeds_without_failure(0.0), seeds_without_failure(1.0)) == (math.inf, 1)
 
 
 @pytest.mark.parametrize("confidence", [0.95, 0.975, 0.999, 1 - 1e-5])

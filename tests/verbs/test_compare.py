@@ -1,8 +1,7 @@
-"""`jerkbench compare`: the gate for CI, and one method against another."""
+"""`jerkbench compare`: the gate for CI."""
 
 import hashlib
 import json
-from xml.etree import ElementTree as ET
 
 import pytest
 
@@ -64,7 +63,6 @@ def test_the_gate_prints_which_combination_and_which_seed_failed(ruined, tmp_pat
 
 def test_the_gate_gives_its_reasons_to_programs(ruined, tmp_path):
     answer = json.loads(verb(*ruined, "json", cwd=tmp_path).stdout)
-    suite = ET.fromstring(verb(*ruined, "junit", cwd=tmp_path).stdout)  # noqa: S314 - our own
 
     found = {
         ", ".join(change["combination"][key] for key in ("disturbance", "adaptation")): change["failures"]
@@ -72,9 +70,6 @@ def test_the_gate_gives_its_reasons_to_programs(ruined, tmp_path):
         if change["worse"]
     }
     assert (answer["ok"], found) == (False, REASONS)
-    messages = {case.attrib["name"]: [one.attrib["message"] for one in case.findall("failure")] for case in suite}
-    assert {name: len(texts) for name, texts in messages.items() if texts} == dict.fromkeys(REASONS, 1)
-    assert all(messages[name][0].endswith(f"It fails: {reason}.") for name, (reason,) in REASONS.items())
 
 
 def test_the_gate_fails_for_studies_without_a_common_seed(before, tmp_path):
@@ -84,55 +79,6 @@ def test_the_gate_fails_for_studies_without_a_common_seed(before, tmp_path):
 
     assert done.returncode == 4
     assert "1 of the 1 combinations of A cannot be compared: 1 because A and B have no seed in common." in done.stdout
-
-
-def test_one_method_is_compared_with_another_on_the_scenarios_of_both(before, tmp_path):
-    put(tmp_path / "mine", 3.0, filter="mine", adaptation="none", disturbance="gnss_outage")
-    put(tmp_path / "mine", 1.0, filter="mine", adaptation="none", disturbance="none")
-    words = ["compare", "before:jerk+mtf", "mine:mine+none"]
-    answer = json.loads(verb(*words, "--format", "json", cwd=tmp_path).stdout)
-    ratios = {change["combination"]["disturbance"]: change["ratio"] for change in answer["changes"]}
-
-    assert ratios == {"gnss_outage": pytest.approx(1.5), "none": pytest.approx(0.5)}
-    assert "mine + none of B is compared with jerk + mtf of A, and has the name of A here." in answer["notes"]
-    assert verb(*words, "--fail-above", "40", cwd=tmp_path).returncode == 3
-    assert verb(*words, "--fail-above", "60", cwd=tmp_path).returncode == 0
-
-
-def test_a_factor_that_is_not_named_has_to_be_the_same_in_both(before, tmp_path):
-    put(tmp_path / "mine", 4.0, filter="mine", adaptation="mtf", disturbance="none")
-    done = verb("compare", "before", "mine:mine", "--format", "json", cwd=tmp_path)
-
-    assert [change["combination"]["adaptation"] for change in json.loads(done.stdout)["changes"]] == ["mtf"]
-
-
-@pytest.mark.parametrize(
-    ("a", "b", "sentence"),
-    [
-        ("before:jerky", "before", "Did you mean 'jerk'?"),
-        ("before:jerk+mtf", "before", "has 2 values of the adaptation: mtf, none. Select one"),
-        ("before:jerk+filter=jerk", "before", "contains two values of the filter"),
-        ("before:jerk+none+own+field", "before", "has more names than filter, adaptation, noise"),
-        ("before:colour=red", "before", "There is no factor 'colour'"),
-        ("nothing:jerk", "before", "nothing has no results"),
-    ],
-)
-def test_a_method_that_is_not_clear_is_refused(before, tmp_path, a, b, sentence):
-    done = verb("compare", a, b, cwd=tmp_path)
-
-    assert done.returncode == 2
-    assert sentence in done.stderr
-
-
-def test_a_method_is_chosen_by_two_factors_of_one_study(before, tmp_path):
-    put(before, 6.0, filter="baseline", adaptation="none", disturbance="none")
-    put(before, 3.0, filter="baseline", adaptation="mtf", disturbance="none")
-    done = verb("compare", "before:baseline+none+default", "before:jerk+mtf+own", "--format", "json", cwd=tmp_path)
-
-    assert done.returncode == 0, done.stderr
-    (change,) = json.loads(done.stdout)["changes"]
-    assert change["combination"]["disturbance"] == "none"
-    assert change["ratio"] == pytest.approx(2.0 / 6.0)
 
 
 def test_exit_codes_tell_worse_from_what_cannot_be_compared_and_from_wrong_input(before, tmp_path):

@@ -21,7 +21,7 @@ TUNING = ["trials=1", "tune_seeds=1", "choose_seeds=0", "test_seeds=1", "figures
 
 SMALL = {
     "report": ["--figures", "none", "--scenarios", "0"],
-    "figures": ["--few"],
+    "figures": ["--methods", "baseline"],
     "tune": TUNING,
     "score": ["seeds=1"],
     "run": ["seeds=1", "figures=false", "workers=1"],

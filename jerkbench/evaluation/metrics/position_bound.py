@@ -152,8 +152,7 @@ class PositionBound:
     The bound is NaN if the true noises are unknown, or if the system is not linear and Gaussian. The bound is therefore
     NaN for real recordings, IMU grades, false forces (ruts, impacts), clipped samples, and disturbances that change the
     measurements of a sensor. Outages and missing fixes are taken into account. The metric is computed only on request:
-    ``metrics=[position_rmse,position_bound]``. With these metrics, a note below the table of the position RMSE contains
-    the bound.
+    ``metrics=[position_rmse,position_bound]``.
 
     Source: doi:10.1109/78.668800 (Tichavsky, Muravchik and Nehorai, 1998).
     """

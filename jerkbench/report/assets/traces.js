@@ -4,20 +4,8 @@
   const byId = (id) => document.getElementById(id);
   const ink = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
-  function decoded(text) {
-    const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-    const steps = new Uint16Array(bytes.buffer);
-    const metres = (step) => traces.lowest * 10 ** ((traces.decades * (step - 1)) / traces.levels);
-    return Array.from(steps, (step) => (step === 0 ? null : metres(step)));
-  }
-
-  function error(line) {
-    line.values ??= decoded(line.error);
-    return line.values;
-  }
-
   function times(scenario) {
-    return error(scenario.lines[0]).map((_, place) => scenario.start + (place + 0.5) * scenario.step);
+    return scenario.lines[0].error.map((_, place) => scenario.start + (place + 0.5) * scenario.step);
   }
 
   function shade(scenario) {
@@ -48,7 +36,7 @@
       width: Math.max(240, box.clientWidth),
       height,
       scales: { x: { time: false }, y: log ? { distr: 3, log: 10 } : {} },
-      cursor: { drag: { x: true, y: false }, sync: zoomed ? { key: "errors" } : undefined },
+      cursor: { drag: { x: true, y: false }, sync: { key: "errors" } },
       axes: [axis("Time [s]", { values: (_, all) => tick(all), size: 34 }), axis(label, { values: (_, all) => tick(all), size: 62 })],
       series: [
         { label: "time", value: (_, t) => (t === null ? "–" : `${t.toFixed(1)} s`) },
@@ -65,7 +53,7 @@
   function scaled(plot, zoomed) {
     const { min, max } = plot.scales.x;
     plot.root.parentElement.dataset.range = `${min} ${max}`;
-    if (zoomed) zoomed(plot);
+    zoomed(plot);
   }
 
   let plots = [];
@@ -106,9 +94,9 @@
     const kept = plots.length ? { ...plots[0].scales.x } : null;
     for (const plot of plots) plot.destroy();
     const lines = a === b ? [a] : [a, b];
-    const series = lines.map((one) => ({ ...one, values: error(one) }));
+    const series = lines.map((one) => ({ ...one, values: one.error }));
     const log = byId("trace-log").checked;
-    const quotient = error(b).map((value, place) => (value === null || error(a)[place] === null ? null : value / error(a)[place]));
+    const quotient = b.error.map((value, place) => (value === null || !a.error[place] ? null : value / a.error[place]));
     const ratio = [{ name: `${b.name} / ${a.name}`, colour: ink("--ink"), dash: [], values: quotient }];
     plots = [];
     const upper = plotted(byId("trace-error"), scenario, series, "Position error [m]", { log, height: 300, zoomed: together });
@@ -160,27 +148,8 @@
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
   }
 
-  let cell = null;
-
-  function drawCell() {
-    const box = byId("cell-trace");
-    box.replaceChildren();
-    for (const scenario of traces.scenarios) {
-      const line = scenario.lines.find((one) => one.key === cell);
-      if (line === undefined) continue;
-      const note = Object.assign(document.createElement("p"), { className: "muted", textContent: `${scenario.name}: ${scenario.draw}` });
-      box.append(note);
-      plotted(box, scenario, [{ ...line, values: error(line) }], "Position error [m]", { log: true, height: 220 });
-    }
-    if (!box.hasChildNodes()) box.textContent = "The error of this combination over time is not in this file.";
-  }
-
-  document.addEventListener("cell", (event) => {
-    cell = event.detail;
-    drawCell();
-  });
-  window.addEventListener("resize", () => {
-    if (byId("cell-trace")?.closest("dialog").open) drawCell();
+  window.addEventListener("beforeprint", () => {
+    for (const one of document.querySelectorAll("#section-figures details, #section-findings details")) one.open = true;
   });
   if (traces.scenarios.length) start();
 }

@@ -8,16 +8,14 @@ from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.counted_rows import euler_error_rad, known, position_error_m, rms_norm, velocity_error_mps
+from jerkbench.evaluation.counted_rows import position_error_m, velocity_error_mps
 from jerkbench.evaluation.metrics.consistency import squared_distances
 from jerkbench.evaluation.over_seeds import chi2_band
 from jerkbench.recording import Recording
 from jerkbench.report.plots.style import (
     BAND_COLOUR,
     MEASURED,
-    REFERENCE,
     Palette,
-    coinciding,
     draw_ticks,
     finished,
     method_styles,
@@ -26,7 +24,6 @@ from jerkbench.report.plots.style import (
     shade_outages,
     with_gaps,
 )
-from jerkbench.report.table_model import number
 
 _WINDOW = 21
 """Number of successive updates over which NIS is averaged (an odd number)."""
@@ -109,18 +106,15 @@ _AXES = ("East", "North", "Up")
 def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], palette: Palette | None = None) -> Figure:
     """Draw the square roots of the diagonal of R: position [m] on the left, velocity [m/s] on the right.
 
-    Methods with the same R have one common line, whose label contains the names of all these methods. A tick at the
-    upper edge marks an update in which the adaptation dropped this measurement (infinite variance).
+    A tick at the upper edge marks an update in which the adaptation dropped this measurement (infinite variance).
     """
     figure, panels = panels_over_time(recording.name, 6.0, 3, 2)
-    style_of = dict(method_styles(estimates, palette))
-    groups = coinciding({name: np.sqrt(estimate.updates.R_diagonal) for name, estimate in estimates.items()})
     for row, axes in enumerate(panels):
-        for names in groups:
-            updates, style = estimates[names[0]].updates, style_of[names[0]]
+        for name, style in method_styles(estimates, palette):
+            updates = estimates[name].updates
             sigma = np.sqrt(updates.R_diagonal[:, row])
             known, dropped = np.isfinite(sigma), np.isinf(sigma)
-            label = " = ".join(names) if row == 0 else None
+            label = name if row == 0 else None
             curve = with_gaps(updates.t_s, np.where(known, sigma, np.nan))
             axes.plot(*curve, **style.stroke, linewidth=1.0, label=label)
             draw_ticks(axes, updates.t_s[dropped], 0.97, style.colour)
@@ -130,38 +124,3 @@ def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], pa
         if any(np.isfinite(estimate.updates.R_diagonal[:, row]).any() for estimate in estimates.values()):
             axes.set_yscale("log")
     return finished(figure, recording.reference.t_s)
-
-
-# The figure of roll and pitch over time (Fig. 4 of the paper).
-
-_ANGLES = ("Roll", "Pitch")
-
-
-def tilt_figure(recording: Recording, estimates: Mapping[str, Estimate], palette: Palette | None = None) -> Figure:
-    """Draw estimated roll and pitch [deg] and the reference over time.
-
-    The legend contains the RMSE of both angles over the scored time stamps.
-    """
-    reference = recording.reference
-    missing = ": no reference of the attitude" if reference.euler_rad is None else ""
-    figure, panels = panels_over_time(recording.name + missing, 4.2, 2)
-    for axis, axes in enumerate(panels):
-        for name, style in method_styles(estimates, palette):
-            t_s, angle_deg = reference.t_s[estimates[name].index], np.degrees(estimates[name].euler_rad[:, axis])
-            label = f"{name}{_tilt_rmse(recording, estimates[name])}" if axis == 0 else None
-            axes.plot(t_s, angle_deg, **style.stroke, linewidth=1.0, label=label)
-        if reference.euler_rad is not None:
-            label, angle_deg = "reference" if axis == 0 else None, np.degrees(reference.euler_rad[:, axis])
-            axes.plot(reference.t_s, angle_deg, color=REFERENCE, linewidth=0.6, label=label)
-        axes.set_ylabel(f"{_ANGLES[axis]} [deg]")
-    return finished(figure, reference.t_s)
-
-
-def _tilt_rmse(recording: Recording, estimate: Estimate) -> str:
-    """Return the RMSE of roll and pitch as text, or an empty text if the recording has no attitude reference."""
-    rmses = []
-    for axis, angle in enumerate(_ANGLES):
-        rows = known(recording.reference.euler_rad, estimate, (axis,)) & recording.reference.scored[estimate.index]
-        rmse_rad = rms_norm(euler_error_rad(estimate, recording)[rows][:, [axis]])
-        rmses += [f"{angle.lower()} {number(float(np.degrees(rmse_rad)))}"] * bool(rows.any())
-    return f": RMSE {', '.join(rmses)} deg" if rmses else ""

@@ -24,7 +24,6 @@ from jerkbench.report.plots.style import (
     REFERENCE,
     SHADE,
     Palette,
-    coinciding,
     finished,
     legend_below,
     literal,
@@ -50,8 +49,7 @@ def error_figure(
 ) -> Figure:
     """Draw the length of the position error [m] over time [s]. The legend contains the RMSE of each estimate.
 
-    If the lines of several methods coincide, one line is drawn, whose label contains the names of all these methods. A
-    figure of a single estimate has three more panels with the east, north and up errors and their three-sigma bands,
+    A figure of a single estimate has three more panels with the east, north and up errors and their three-sigma bands,
     unless ``panels`` is 1.
 
     Args:
@@ -73,14 +71,10 @@ def error_figure(
     else:
         t_s = recording.reference.t_s
         norms = {name: position_error_length_m(one, recording) for name, one in estimates.items()}
-        for position, names in enumerate(coinciding(norms)):
-            rmses = dict.fromkeys(_rmse(recording, estimates[each], burn_in_s) for each in names)
-            label = f"{' = '.join(names)}: {', '.join(rmses)}"
+        for position, (name, style) in enumerate(styles.items()):
+            label = f"{name}: {_rmse(recording, estimates[name], burn_in_s)}"
             order = 3 - 0.01 * position  # the first line is on top
-            stroke = styles[names[0]].stroke
-            top.plot(
-                t_s[estimates[names[0]].index], norms[names[0]], **stroke, linewidth=1.0, label=label, zorder=order
-            )
+            top.plot(t_s[estimates[name].index], norms[name], **style.stroke, linewidth=1.0, label=label, zorder=order)
         if _spread(norms) > LOGARITHMIC_FROM:
             lowest = [np.percentile(norm[norm > 0], 1) for norm in norms.values() if (norm > 0).any()]
             top.set_yscale("log")
@@ -149,7 +143,7 @@ def inclination_figure(
     return finished(figure, recording.reference.t_s)
 
 
-# The figure of a trajectory from above, optionally with an enlarged part (Fig. 5 of the paper).
+# The figure of a trajectory from above.
 
 
 WIDTH_IN = 7.0
@@ -163,46 +157,23 @@ def trajectory_figure(
     """Draw the reference, fixes, outages and all estimates in the plane of east and north [m] with equal axis scales.
 
     The range of the axes is determined by the reference. The legend marks estimates that leave the range of the axes.
-    Estimates whose errors coincide are drawn as one line, whose label contains the names of all their methods.
     """
     low, high = _window(recording, estimates)
     span = high - low
     map_in = float(np.clip(WIDTH_IN * span[1] / span[0], 2.5, 7.5))
     figure = new_figure(map_in + LABELS_IN, WIDTH_IN, layout="compressed")
-    _draw_map(figure.add_subplot(title=literal(recording.name)), recording, estimates, palette, (low, high))
-    legend_below(figure)
-    return figure
-
-
-def _draw_map(
-    axes: Axes,
-    recording: Recording,
-    estimates: Mapping[str, Estimate],
-    palette: Palette | None,
-    corners: tuple[FloatArray, FloatArray],
-) -> None:
-    """Draw the recording and the estimates in the area between the lower left and the upper right corner [m]."""
-    low, high = corners
+    axes = figure.add_subplot(title=literal(recording.name))
     _draw_recording(axes, recording)
-    style_of = dict(method_styles(estimates, palette))
-    for names in distinct(recording, estimates):
-        path = estimates[names[0]].position_m[:, :2]
+    for name, style in method_styles(estimates, palette):
+        path = estimates[name].position_m[:, :2]
         inside = ((path >= low) & (path <= high)).all()
-        label = " = ".join(names) + ("" if inside else " (leaves the picture)")
-        shown = np.where(np.isfinite(path) & (np.abs(path - low) < 1e3 * (high - low)), path, np.nan)
-        axes.plot(*shown.T, **style_of[names[0]].stroke, linewidth=1.2, label=label, zorder=4)
+        label = name + ("" if inside else " (leaves the picture)")
+        shown = np.where(np.isfinite(path) & (np.abs(path - low) < 1e3 * span), path, np.nan)
+        axes.plot(*shown.T, **style.stroke, linewidth=1.2, label=label, zorder=4)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="East [m]", ylabel="North [m]", aspect="equal")
     style_axes(axes)
-
-
-def distinct(recording: Recording, estimates: Mapping[str, Estimate]) -> list[list[str]]:
-    """Return the names of the methods, in groups with coinciding position errors.
-
-    Without a reference, each method is a separate group.
-    """
-    if recording.reference.enu_m is None:
-        return [[name] for name in estimates]
-    return coinciding({name: position_error_length_m(estimate, recording) for name, estimate in estimates.items()})
+    legend_below(figure)
+    return figure
 
 
 def _draw_recording(axes: Axes, recording: Recording) -> None:
@@ -237,56 +208,3 @@ def _window(recording: Recording, estimates: Mapping[str, Estimate]) -> tuple[Fl
     low, high = points.min(axis=0), points.max(axis=0)
     margin = max(0.08 * float((high - low).max()), 0.5)
     return low - margin, high + margin
-
-
-INSET_IN = 3.5
-"""Height of the panel with the enlarged part [inch]. The part is twice as wide as high."""
-
-MIN_HALF_WIDTH_M = 0.2
-"""Minimum of half the width of the enlarged part [m], which otherwise is five times the largest error."""
-
-ENLARGED = 4.0
-"""Minimum magnification of the enlarged part."""
-
-
-def inset_trajectory_figure(
-    recording: Recording, estimates: Mapping[str, Estimate], palette: Palette | None = None
-) -> Figure:
-    """Draw the trajectory from above, and below it an enlarged part around the largest horizontal error.
-
-    The enlarged part is at least `ENLARGED` times as large as in the upper panel. Errors that are too large for this
-    magnification are visible in the upper panel and do not determine the enlarged part.
-    """
-    figure, truth = trajectory_figure(recording, estimates, palette), recording.reference.enu_m
-    if truth is None:
-        return figure
-    (main,) = figure.axes
-    low, high = np.transpose([main.get_xlim(), main.get_ylim()])
-    widest_m = (high - low)[0] / (2 * ENLARGED)
-    middle, worst_m = _worst_position(recording, truth, estimates, widest_m / 2)
-    half_size = min(max(MIN_HALF_WIDTH_M, 5.0 * worst_m), widest_m) * np.array([1.0, 0.5])
-    middle = np.clip(middle, low + half_size, high - half_size)  # the enlarged area must be inside the axes
-    above_in = figure.get_figheight()
-    figure.set_figheight(above_in + INSET_IN)
-    figure.set_layout_engine("constrained")
-    grid = figure.add_gridspec(2, 1, height_ratios=[above_in, INSET_IN])
-    main.set_subplotspec(grid[0])
-    inset = figure.add_subplot(grid[1])
-    _draw_map(inset, recording, estimates, palette, (middle - half_size, middle + half_size))
-    inset.set_title(f"Enlarged {number((high - low)[0] / (2 * half_size[0]))} times", fontsize="medium")
-    main.indicate_inset_zoom(inset, edgecolor="black")
-    return figure
-
-
-def _worst_position(
-    recording: Recording, truth: FloatArray, estimates: Mapping[str, Estimate], largest_m: float
-) -> tuple[FloatArray, float]:
-    """Return the reference position (2,) and the length [m] of the largest horizontal error below ``largest_m``."""
-    worst = np.zeros(len(truth))
-    for estimate in estimates.values():
-        with np.errstate(over="ignore", invalid="ignore"):
-            error = np.linalg.norm((estimate.position_m - truth[estimate.index])[:, :2], axis=1)
-        fits = np.isfinite(error) & (error < largest_m) & recording.reference.scored[estimate.index]
-        worst[estimate.index] = np.maximum(worst[estimate.index], np.where(fits, error, 0.0))
-    row = int(np.argmax(np.where(np.isfinite(truth[:, :2]).all(axis=1), worst, -1.0)))
-    return np.asarray(truth[row, :2]), float(worst[row])

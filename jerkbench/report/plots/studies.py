@@ -2,8 +2,7 @@
 
 import itertools
 import math
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -11,11 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.over_seeds import Samples, mean_intervals
-from jerkbench.report.columns import METHOD, SCENARIO_FACTORS, checked, competes, quantity, varying_factors
-from jerkbench.report.comparisons import runs_by_combination
-from jerkbench.report.findings import certain_size, informative_standings
+from jerkbench.report.columns import METHOD, SCENARIO_FACTORS, competes, quantity, varying_factors
+from jerkbench.report.findings import certain_size
 from jerkbench.report.plots.style import (
     LOGARITHMIC_FROM,
     MEASURED,
@@ -24,19 +20,15 @@ from jerkbench.report.plots.style import (
     Palette,
     legend_below,
     literal,
-    method_styles,
     new_figure,
     style_axes,
 )
 from jerkbench.report.study_verdicts import study_verdicts
 from jerkbench.report.summary import main_metric, summarise
-from jerkbench.report.table_model import Table, TableCell, number
+from jerkbench.report.table_model import Table, TableCell
 
 if TYPE_CHECKING:
     import pandas as pd
-
-_NAMED = 8
-"""If a panel has at most this number of bars, the value of each bar is printed above the bar."""
 
 PALE = 0.35
 """Opacity of the bars of combinations with failed runs."""
@@ -55,13 +47,12 @@ class Bar(NamedTuple):
     cell: TableCell
 
 
-def bars_figure(table: Table, palette: Palette | None = None, floor: float = 0.0) -> Figure:
+def bars_figure(table: Table, palette: Palette | None = None) -> Figure:
     """Draw a panel for each scenario of ``table``, with a group of bars for each row and a bar for each column.
 
     The colour of a bar represents the filter, and its hatch represents the adaptation. Combinations that were not run
     are left out. The bar of a combination with failed runs is pale, and the number of failed runs is printed at the
-    foot of the bar. If the median run of a combination failed, the combination has no bar. A dashed line shows the
-    ``floor``: the value of the metric that the errors of the reference alone would cause.
+    foot of the bar. If the median run of a combination failed, the combination has no bar.
     """
     bars = _bars(table, palette)
     scenes = list(dict.fromkeys(bar.scene for bar in bars))
@@ -74,9 +65,6 @@ def bars_figure(table: Table, palette: Palette | None = None, floor: float = 0.0
     for axes, scene in zip(panels, scenes, strict=False):
         axes.set_title(literal(scene), fontsize=8)
         _draw_groups(axes, [bar for bar in bars if bar.scene == scene])
-        if floor > 0:
-            label = "floor: sigma of the reference" if axes is panels[0] else None
-            axes.axhline(floor, color="black", linestyle="--", linewidth=0.8, label=label)
     for name in (" / ".join(column) or "mean" for column in table.columns):  # invisible bars for the legend
         styles = [bar.style for bar in bars if bar.column == name]
         colours, hatches = {style.colour for style in styles}, {style.hatch for style in styles}
@@ -118,7 +106,7 @@ def _draw_groups(axes: Axes, bars: Sequence[Bar]) -> None:
     for group, of_group in itertools.groupby(bars, key=lambda bar: bar.group):
         places = []
         for bar in of_group:
-            _draw_bar(axes, position, bar, named=len(bars) <= _NAMED)
+            _draw_bar(axes, position, bar)
             places.append(position)
             position += 1.0
         middles[literal(group.replace("_", "\n", 1))] = np.mean(places)  # the groups are narrow, so break long names
@@ -128,26 +116,21 @@ def _draw_groups(axes: Axes, bars: Sequence[Bar]) -> None:
     axes.set_xlim(-0.9, position - _GAP - 0.1)
 
 
-def _draw_bar(axes: Axes, position: float, bar: Bar, *, named: bool) -> None:
-    """Draw a bar with its interval, its value (if ``named``), and the number of failed runs at its foot."""
+def _draw_bar(axes: Axes, position: float, bar: Bar) -> None:
+    """Draw a bar with its interval, and the number of failed runs at its foot."""
     cell, style = bar.cell, bar.style
     if failed := cell.diverged + cell.failed:
         foot = {"transform": axes.get_xaxis_transform(), "rotation": 90, "ha": "center", "va": "bottom", "fontsize": 5}
         axes.text(position, 0.03, f"{failed}/{cell.runs} failed", **foot)  # type: ignore[arg-type]  # as documented
     if not math.isfinite(cell.mean):
         return
-    known = math.isfinite(cell.low) and math.isfinite(cell.high)
-    ends = [[max(0.0, cell.mean - cell.low)], [max(0.0, cell.high - cell.mean)]] if known else None
     alpha = 1.0 if cell.complete else PALE
     axes.bar(
         position, cell.mean, 0.9, color=style.colour, hatch=style.hatch, edgecolor="white", alpha=alpha, linewidth=0.3
     )
-    if ends:
+    if math.isfinite(cell.low) and math.isfinite(cell.high):
+        ends = [[max(0.0, cell.mean - cell.low)], [max(0.0, cell.high - cell.mean)]]
         axes.errorbar([position], [cell.mean], yerr=ends, fmt="none", ecolor="black", elinewidth=0.8, capsize=1.5)
-    if named:
-        end = max(cell.mean, cell.high) if known else cell.mean
-        offset = {"xytext": (0, 2), "textcoords": "offset points"}
-        axes.annotate(number(cell.mean), (position, end), ha="center", fontsize=6, **offset)  # type: ignore[arg-type]  # as documented
 
 
 # The heat map of methods and scenarios. The colour of a cell represents the ratio to the best error of the scenario.
@@ -195,92 +178,10 @@ def heat_map_figure(table: Table, competing: Sequence[bool]) -> Figure:
     return figure
 
 
-# Curves of the metric as a function of a parameter: the process noise, or the size of a fault.
-
-PARAMETER = re.compile(r"([A-Za-z_0-9.]+)=(-?[0-9.]+(?:[eE][+-]?[0-9]+)?)(?=[,)]|$)")
-MIN_SIZES = 3
-"""Minimum number of values of a parameter for which a curve is drawn."""
-
-SCENARIO, SIZE, NAME = "swept_in", "swept_value", "swept_name"
-"""Columns that `curves_figure` reads: the panel of a row, the value of the parameter, and the label of its axis."""
-
-
-def swept_rows(rows: "pd.DataFrame", factor: str) -> "pd.DataFrame":
-    """Return the rows whose labels of ``factor`` differ in one parameter, with the columns `curves_figure` reads.
-
-    Parameters with fewer than `MIN_SIZES` different values are ignored.
-
-    Args:
-        rows: one row for each combination and seed.
-        factor: "noise" or "disturbance".
-    """
-    import pandas as pd
-
-    rows = rows.assign(**{key: rows[key].astype(str) for key in ("dataset", "disturbance", "noise")})
-    found = [
-        (label, f"{label[: match.start(2)]}...{label[match.end(2) :]}", match[1], float(match[2]))
-        for label in rows[factor].unique()
-        for match in PARAMETER.finditer(label)
-    ]
-    places = pd.DataFrame(found, columns=[factor, SCENARIO, NAME, SIZE])
-    places["values"] = places.groupby([SCENARIO, NAME])[SIZE].transform("nunique")
-    most = places.loc[places.groupby(factor)["values"].idxmax()]  # parameter with the most values
-    swept = rows.merge(most[most["values"] >= MIN_SIZES].drop(columns="values"), on=factor)
-    unswept = swept["disturbance"] + ", " if factor == "noise" else ""
-    return swept.assign(**{SCENARIO: swept["dataset"] + ": " + unswept + swept[SCENARIO]})
-
-
-def curves_figure(swept: "pd.DataFrame", metric: str, palette: Palette | None = None) -> Figure:
-    """Draw the mean of ``metric`` and its interval as a function of a parameter, with a panel for each scenario.
-
-    A mean excludes runs that diverged or failed. A hollow point marks a mean that excludes at least one run.
-
-    Args:
-        swept: rows that `swept_rows` returned.
-        metric: column of the metric.
-        palette: colours and line styles of the methods of the study.
-    """
-    swept = swept.assign(method=swept["filter"].astype(str) + " + " + swept["adaptation"].astype(str))
-    scenes = list(swept.groupby(SCENARIO, sort=False))
-    figure = new_figure(0.6 + 2.8 * len(scenes))
-    panels = figure.subplots(len(scenes), 1, squeeze=False)[:, 0]
-    for axes, (name, scene) in zip(panels, scenes, strict=True):
-        for method, style in method_styles(swept["method"].unique(), palette):
-            runs = scene[scene["method"] == method]
-            _draw_means(axes, runs, np.sort(scene[SIZE].unique()), metric, style, method if axes is panels[0] else None)
-        axes.set(title=literal(str(name)), ylabel=literal(quantity(metric).heading), yscale="log")
-        axes.set_xlabel(scene[NAME].iloc[0])
-        if scene[SIZE].min() > 0:
-            axes.set_xscale("log")
-        style_axes(axes)
-    legend_below(figure)
-    return figure
-
-
-def _draw_means(
-    axes: Axes, runs: "pd.DataFrame", at: FloatArray, metric: str, style: MethodStyle, label: str | None
-) -> None:
-    """Draw the means of one method at the values ``at`` of the parameter."""
-    groups = [runs[runs[SIZE] == x] for x in at]
-    good = [group.loc[group["status"] == "ok", metric] for group in groups]
-    means, low, high = mean_intervals(Samples.of(good))
-    complete = np.array([len(values) == len(group) for values, group in zip(good, groups, strict=True)])
-    axes.plot(at, means, **style.stroke, linewidth=1.0, label=label)
-    axes.vlines(at, low, high, color=style.colour, linewidth=0.8)
-    for face, where in ((style.colour, complete), ("white", ~complete)):
-        axes.plot(at[where], means[where], "o", color=style.colour, markerfacecolor=face, markersize=4.0)
-
-
 # The figures of a study with their captions, and the selection of scenarios and methods.
 
-NOTABLE = 0.5
-"""A method is drawn if its difference is at least this fraction of the largest difference in the scenario."""
-
 SCENES = 3
-"""Maximum number of scenarios that are drawn. Each scenario has up to eight figures."""
-
-METHODS = 4
-"""Maximum number of methods that are drawn in a scenario in addition to the best method."""
+"""Number of scenarios that are drawn with ``figures=few``. Each scenario has up to seven figures."""
 
 Methods = tuple[tuple[str, str], ...]
 """Filter and adaptation of each method."""
@@ -333,17 +234,8 @@ def of_rows(rows: "pd.DataFrame", palette: Palette | None = None) -> Iterator[Dr
         f"{title} of each combination with its 95 % interval. Pale bars: with the fraction of failed runs. No bar:"
         " the median run failed."
     )
-    floors = {runs.floor for runs in runs_by_combination(checked(rows, metric), metric).values()}
-    floor = max(floors) if len(set(rows["dataset"])) == 1 else 0.0
-    yield Drawing("bars", means, bars_figure(summarise(rows, metric, leaders=False), palette, floor))
+    yield Drawing("bars", means, bars_figure(summarise(rows, metric, leaders=False), palette))
     yield from _heat_map(rows, metric)
-    curves = [("sensitivity", "noise", "the process noise")]
-    if len(set(rows["noise"])) == 1:
-        curves.append(("severity", "disturbance", "the size of a fault"))
-    for name, factor, parameter in curves:
-        if len(swept := swept_rows(rows, factor)):
-            caption = f"{title} over {parameter}; hollow: some runs failed."
-            yield Drawing(name, caption, curves_figure(swept, metric, palette))
 
 
 def _heat_map(rows: "pd.DataFrame", metric: str) -> Iterator[Drawing]:
@@ -362,35 +254,19 @@ def _heat_map(rows: "pd.DataFrame", metric: str) -> Iterator[Drawing]:
     yield Drawing("heat-map", caption, heat_map_figure(table, competing))
 
 
-def telling_scenes(scenes: Mapping[str, Methods]) -> dict[str, Methods]:
-    """Return the first `SCENES` scenarios with a significant difference.
+def by_difference(rows: "pd.DataFrame", metric: str, names: Sequence[str]) -> list[str]:
+    """Return the names of all scenarios, sorted by decreasing size of the largest significant difference.
 
-    If no difference is significant, return the first scenario.
-    """
-    informative = [(name, methods) for name, methods in scenes.items() if methods]
-    return dict(informative[:SCENES] or list(scenes.items())[:1])
-
-
-def by_difference(rows: "pd.DataFrame", metric: str, names: Sequence[str]) -> dict[str, Methods]:
-    """Return all scenarios, sorted by decreasing difference between methods, and the methods that differ significantly.
-
-    The function `certain_size` measures the size of a difference. A method is left out if its differences are less than
-    `NOTABLE` times the largest difference in the scenario. Scenarios without a significant difference come last, in the
-    order of ``names``, with an empty tuple of methods.
+    The function `certain_size` measures the size of a difference. Scenarios without a significant difference come last.
 
     Args:
         rows: one row for each combination and seed.
         metric: main metric of the study.
         names: names of the scenarios that can be drawn, in the form "data set, disturbance, attitude".
     """
-    weights: dict[str, float] = {}
-    scenes: dict[str, Methods] = {}
-    informative = informative_standings(study_verdicts(rows, metric).standings)
-    pairs = [(certain_size(pair.judgement), pair) for standing in informative for pair in standing.tested]
-    for weight, pair in sorted(pairs, key=lambda one: -one[0]):
-        for combination in (pair.baseline, pair.subject):
-            name = ", ".join(combination[:3])
-            if weight and name in names and weight >= NOTABLE * weights.setdefault(name, weight):
-                method = (combination.filter, combination.adaptation)
-                scenes[name] = tuple(dict.fromkeys((*scenes.get(name, ()), method)))[:METHODS]
-    return {**scenes, **{name: () for name in names if name not in scenes}}
+    largest = dict.fromkeys(names, 0.0)
+    for standing in study_verdicts(rows, metric).standings:
+        for pair in standing.tested:
+            name = ", ".join(pair.subject[:3])
+            largest[name] = max(largest.get(name, 0.0), certain_size(pair.judgement))
+    return sorted(names, key=lambda name: -largest[name])

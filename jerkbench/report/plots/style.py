@@ -1,7 +1,7 @@
 """The common style of all figures: sizes, colours of methods, curves with gaps, and image files."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -272,28 +272,8 @@ def _index(labels: tuple[str, ...], label: str) -> int:
     return labels.index(label) if label in labels else len(labels)
 
 
-# Curves over time: gaps in a curve, and curves that coincide.
-
-COINCIDE = 0.01
-"""Curves are drawn as one line if their relative difference is at most this value at all times."""
-
-
 def with_gaps(t_s: FloatArray, values: FloatArray, longest: float = 3.0) -> tuple[FloatArray, FloatArray]:
     """Return times and values with NaN inserted where a gap is longer than ``longest`` times the median time step."""
     steps = np.diff(t_s)
     places = np.flatnonzero(steps > longest * np.median(steps)) + 1 if len(steps) else np.empty(0, dtype=int)
     return np.insert(t_s, places, t_s[places - 1]), np.insert(values, places, np.nan)
-
-
-def coinciding(curves: Mapping[str, FloatArray]) -> list[list[str]]:
-    """Return groups of names. Curves of a group differ from the first one by a fraction of at most `COINCIDE`."""
-    groups: list[list[str]] = []
-    for name, values in curves.items():
-        for names in groups:
-            first = curves[names[0]]
-            if first.shape == values.shape and np.allclose(first, values, rtol=COINCIDE, atol=0.0, equal_nan=True):
-                names.append(name)
-                break
-        else:
-            groups.append([name])
-    return groups

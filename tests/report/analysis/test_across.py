@@ -1,4 +1,4 @@
-"""Statements on all scenarios, and on the size of a fault."""
+"""Statements on all scenarios."""
 
 import itertools
 
@@ -8,10 +8,8 @@ import pytest
 from scipy.stats import t as student
 
 from jerkbench.evaluation.ranks import over_scenarios
-from jerkbench.report.plots.studies import curves_figure, swept_rows
 from jerkbench.report.study_verdicts import across, common_runs, study_verdicts
 from jerkbench.report.table_model import number
-from made_rows import cell_rows
 
 METRIC = "position_rmse_m"
 LEVELS = {"best": 1.0, "middle": 1.3, "last": 3.0}
@@ -57,27 +55,3 @@ def test_four_scenarios_have_no_mixed_model_and_one_says_nothing(rows):
     assert any("mixed model" in line for line in five)
     for frame in (rows[rows["disturbance"] == "a"], rows.assign(replicate="phase")):
         assert across(study_verdicts(frame, METRIC)) == []
-
-
-def severe_rows(sizes=(0.1, 1.0, 10.0), seeds=5):
-    made = []
-    for size in sizes:
-        fault = f"bias+false_fix(offset_m={size:g}, length_s=5)"
-        for adaptation, cost in (("none", size), ("chi2", 0.5 + 0.05 * size)):
-            made += cell_rows("jerk", adaptation, [cost] * seeds, disturbance=fault)
-    return pd.DataFrame(made)
-
-
-def test_the_parameter_that_is_swept_is_the_size_of_three_or_more():
-    swept = swept_rows(severe_rows(), "disturbance")
-    assert sorted(set(swept["swept_value"])) == [0.1, 1.0, 10.0]
-    assert set(swept["swept_name"]) == {"offset_m"}
-    assert set(swept["swept_in"]) == {"field: bias+false_fix(offset_m=..., length_s=5)"}
-    assert swept_rows(severe_rows(sizes=(0.1, 1.0)), "disturbance").empty
-    assert swept_rows(severe_rows().assign(disturbance="none"), "disturbance").empty
-    both = pd.concat([severe_rows(), severe_rows().assign(disturbance="none")], ignore_index=True)
-    assert len(swept_rows(both, "disturbance")) == len(severe_rows())
-    (axes,) = curves_figure(swept_rows(severe_rows(), "disturbance"), "position_rmse_m").axes
-    (line,) = [one for one in axes.get_lines() if one.get_label() == "jerk + none"]
-    np.testing.assert_allclose(line.get_xdata(), [0.1, 1.0, 10.0])
-    np.testing.assert_allclose(line.get_ydata(), [0.1, 1.0, 10.0])

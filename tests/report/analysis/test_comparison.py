@@ -81,7 +81,7 @@ def test_a_lost_run_is_the_worst_of_its_pair_and_two_that_lost_all_are_not_compa
     assert (one.judgement.n, one.runs, one.failed, one.judgement.median) == (20, 20, (3, 0), True)
     assert one.verdict is Verdict.UNDECIDED  # 25 times better in seventeen, lost in three
     (said,) = [line for line in sentences(study) if "jerk+mtf" in line]
-    assert said.endswith("; jerk+mtf: 3 of 20 failed (up to 34 %).")
+    assert said.endswith("; 3 of 20 failed (up to 34 %) against 0 of 20 failed (up to 14 %).")
     both = study[study["adaptation"].isin(["mtf", "none"]) & (study["filter"] == "jerk")].assign(status="diverged")
     assert sentences(both) == ["mtf cannot be compared with none: all 20 runs of both failed."]
 
@@ -92,8 +92,7 @@ def test_twelve_lost_of_twenty_runs_are_no_finding_in_favour(study, lost):
     study.loc[(study["adaptation"] == "mtf") & (study["seed"] < lost), "status"] = "diverged"
     assert against_none(study)["mtf"].verdict is Verdict.MORE_FAILED
     (said,) = [line for line in sentences(study) if line.startswith("jerk+mtf")]
-    words = f"jerk+mtf fails in more runs than jerk+none: {lost} of 20 failed or with over 10 times the error"
-    assert said.startswith(words)
+    assert said.startswith(f"jerk+mtf fails in more runs than jerk+none (20 seeds); {lost} of 20 failed (up to ")
     table = summarise(study, METRIC, baseline=NONE)
     (cell,) = [c for key, c in zip(table.columns, table.cells[0], strict=True) if key == ("mtf",)]
     assert lost == 20 or cell.text == f"failed {cell.interval} {cell.geometric_text} * (12/20 diverged)"
@@ -158,7 +157,7 @@ def test_the_table_has_ratios_marks_and_what_they_mean_and_html_escapes(study):
     for words in (
         "ratio to adaptation=none over the common seeds",
         "At most 5 % of such studies have any wrong mark (max-t test of all 10 comparisons",
-        "Undecided: 2 of 3, 1 of them within 3 %, because rare failures cannot be excluded (99 seeds without",
+        "Undecided: 2 of 3.",
         "Runs of each method: 0 of 20 failed (up to 14 %).",
     ):
         assert words in said
@@ -251,14 +250,12 @@ def test_a_baseline_is_read_and_a_wrong_one_is_a_sentence(study):
 
 
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="pdflatex is not there")
-@pytest.mark.parametrize("scenarios", [1, 30])
-def test_latex_compiles_and_fits_its_pages(study, tmp_path, scenarios):
-    lost = pd.concat([study.assign(disturbance=f"d{k:02}") for k in range(scenarios)])
+def test_latex_compiles_and_fits_its_page(study, tmp_path):
+    lost = study.copy()
     lost.loc[lost["adaptation"] == "chance", "status"] = "diverged"
     tiny = lost.assign(position_rmse_m=lost["position_rmse_m"].where(lost["adaptation"] != "copy", 1e-7))
     text = latex(summarise(tiny, "position_rmse_m", baseline=NONE, notes=("100% of R_k & {x} #1 ~ ^ <$> ± σ",)))  # noqa: RUF001
-    assert ("longtable" in text) is (scenarios > 1)
-    packages = r"\usepackage[T1]{fontenc}\usepackage{booktabs,longtable,siunitx}"
+    packages = r"\usepackage[T1]{fontenc}\usepackage{booktabs,siunitx}"
     (tmp_path / "t.tex").write_text(
         rf"\documentclass{{article}}{packages}\begin{{document}}{text}\end{{document}}", encoding="utf-8"
     )

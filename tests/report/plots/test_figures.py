@@ -52,16 +52,6 @@ def test_the_error_is_the_norm_and_three_axes_and_its_legend_the_tables_rmse():
     assert [text.get_text() for text in axes.texts] == ["The recording has no position reference."]
 
 
-def test_lines_that_coincide_are_one_with_both_names():
-    estimates = {"jerk + none": make_estimate(), "bias + none": make_estimate(), "baseline + none": make_estimate(0.2)}
-    recording = make_recording()
-    for figure in (error_figure(recording, estimates), trajectory_figure(recording, estimates)):
-        names = [text.split(":")[0] for text in texts(figure)]
-        assert "jerk + none = bias + none" in names
-        assert "baseline + none" in names
-        assert not {"jerk + none", "bias + none"} & set(names)
-
-
 def texts(figure):
     return [text.get_text() for text in figure.legends[0].get_texts()]
 

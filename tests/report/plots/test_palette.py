@@ -6,8 +6,8 @@ import pytest
 from made_runs import make_estimate, make_recording
 from matplotlib.colors import to_hex
 
-from jerkbench.report.plots.consistency import adapted_r_figure, tilt_figure
-from jerkbench.report.plots.runs import error_figure, inclination_figure, inset_trajectory_figure, trajectory_figure
+from jerkbench.report.plots.consistency import adapted_r_figure
+from jerkbench.report.plots.runs import error_figure, inclination_figure, trajectory_figure
 from jerkbench.report.plots.studies import of_rows, palette_of
 from jerkbench.report.plots.style import COLOURS, Palette, method_of
 
@@ -23,9 +23,7 @@ def figures(recording, estimates):
     return {
         "errors": error_figure(*given, palette=STUDY),
         "trajectory": trajectory_figure(*given, STUDY),
-        "inset": inset_trajectory_figure(*given, STUDY),
         "adapted-r": adapted_r_figure(*given, STUDY),
-        "tilt": tilt_figure(*given, STUDY),
         "inclination": inclination_figure(*given, STUDY),
     }
 
@@ -61,9 +59,6 @@ def test_every_figure_of_rows_draws_a_method_as_the_figures_of_runs_do(cell_rows
     rows = pd.DataFrame([row for cell in cells for row in cell])
     palette = palette_of(rows)
     seen = {drawing.name: drawing.figure for drawing in of_rows(rows)}
-    for name, (colour, full) in drawn(seen["sensitivity"]).items():
-        style = palette.style(method_of(name))
-        assert (colour, full) == (style.colour.upper(), not style.dash)
     bars = [bar for axes in seen["bars"].axes for bar in axes.patches if np.isfinite(bar.get_height())]
     assert {(to_hex(bar.get_facecolor()).upper(), bar.get_hatch() or "") for bar in bars} == {
         (palette.style(method_of(name)).colour.upper(), palette.style(method_of(name)).hatch) for name in METHODS

@@ -235,31 +235,3 @@ def test_beside_a_ratio_the_means_are_its_own_and_those_of_a_consistency_arithme
     frame = pd.DataFrame([*cell_rows("jerk", "none", [1.0] * 3), *cell_rows("jerk", "mtf", [1.0] * 3)])
     table = summarise(frame.assign(anees=[2.0, 6.0, 10.0] * 2), "anees", baseline={"adaptation": "none"})
     assert [cell.mean for cell in table.cells[0]] == [6.0, 6.0]
-
-
-@pytest.fixture
-def bounded(cell_rows):
-    """Two scenarios, a bound for the first alone; of a filter one run diverged early, with a bound of its own."""
-    rows = []
-    for disturbance, bounds in (("none", [0.007, 0.008, 0.009]), ("bias", [math.nan] * 3)):
-        for name in ("jerk", "baseline"):
-            for adaptation in ("none", "mtf"):
-                cell = cell_rows(name, adaptation, [0.011, 0.012, 0.013], disturbance=disturbance)
-                rows += [run | {"position_bound_m": bound} for run, bound in zip(cell, bounds, strict=True)]
-    rows[0] |= {"status": "diverged", "position_bound_m": 0.001}
-    return pd.DataFrame(rows)
-
-
-def test_a_note_below_the_position_error_contains_the_root_mean_square_of_the_bounds(bounded):
-    table = summarise(bounded, "position_rmse_m")
-    (note,) = [note for note in table.footnotes if "Cramér-Rao" in note]
-    assert note.endswith("0.00804 (field, none), not known for 1 of 2 scenarios.")
-    assert {labels["filter"] for labels, _ in table.placed()} == {"jerk", "baseline"}
-    unknown = summarise(bounded.assign(position_bound_m=np.nan), "position_rmse_m")
-    assert any(note.endswith("not known for 2 of 2 scenarios.") for note in unknown.footnotes)
-    without = summarise(bounded.drop(columns="position_bound_m"), "position_rmse_m")
-    across = summarise(bounded, "position_rmse_m", column_keys=["disturbance"])
-    own = summarise(bounded, "position_bound_m")
-    assert not any("Cramér" in note for note in (*without.footnotes, *own.footnotes))
-    assert any("Cramér" in note for note in across.footnotes)
-    assert not any(cell.best for row in own.cells for cell in row)

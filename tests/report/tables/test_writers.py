@@ -6,6 +6,7 @@ import json
 import math
 import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.parameters import Column
-from jerkbench.report import summary, terminal
+from jerkbench.report import summary
 from jerkbench.report.columns import metric_columns, quantity
 from jerkbench.report.comparisons import parse_baseline
 from jerkbench.report.summary import main_metric, summarise, write_tables
@@ -119,7 +120,8 @@ def test_csv_reads_back_with_all_digits(rows):
 
 def test_the_terminal_shows_brackets_one_cell_and_the_metric_that_is_asked_for(rows, capsys):
     both = pd.concat([rows, rows.assign(disturbance="bias")])
-    print_table(both, ("A note.",))
+    table = summarise(both, "position_rmse_m", notes=("A note.",))
+    print_table(table, Path("study"), every_note=True)
     out = capsys.readouterr().out
     assert re.search(r"\*\*0\.0125\*\* \[0\.01\d\d, 0\.01\d\d\]", out)
     assert "(4/8 diverged)" in out
@@ -130,7 +132,7 @@ def test_the_terminal_shows_brackets_one_cell_and_the_metric_that_is_asked_for(r
     assert "ANEES of position and velocity" in out
     assert "outage" not in out
     assert "seed 4 diverged: The position error is 4000 m at 3.00 s; the limit is 1000 m." in out
-    print_table(rows, metric="anees")
+    print_table(summarise(rows, "anees"), Path("study"))
     assert capsys.readouterr().out.startswith("ANEES of position and velocity")
 
 
@@ -144,9 +146,7 @@ def test_the_three_files(rows, tmp_path):
     assert text.count("A note.") == text.count("In every cell") == 1
     metrics = pd.read_csv(tmp_path / "new" / "table.csv")["metric"].unique()
     assert list(metrics) == ["position_rmse_m", "anees", "velocity_rmse_mps", "outage_rmse_m", "step_us"]
-    assert r"\caption{Position RMSE (3-D) {[}\unit{m}{]}}" in (tmp_path / "new" / "table.tex").read_text(
-        encoding="utf-8"
-    )
+    assert r"\caption{Position RMSE (3-D) {[}m{]}}" in (tmp_path / "new" / "table.tex").read_text(encoding="utf-8")
 
 
 @pytest.fixture
@@ -154,7 +154,7 @@ def without_position(rows):
     return rows.drop(columns="position_rmse_m").assign(step_us=3, velocity_rmse_mps=0.25)
 
 
-def test_without_the_main_metric_the_first_that_was_computed_leads(without_position, tmp_path, capsys):
+def test_without_the_main_metric_the_first_that_was_computed_leads(without_position, tmp_path):
     write_tables(without_position, tmp_path, ("A note.",))
     text = (tmp_path / "table.md").read_text(encoding="utf-8")
     titles = [line for line in text.splitlines() if line.startswith("#")]
@@ -163,14 +163,28 @@ def test_without_the_main_metric_the_first_that_was_computed_leads(without_posit
     metrics = pd.read_csv(tmp_path / "table.csv")["metric"].unique()
     assert list(metrics) == ["anees", "step_us", "velocity_rmse_mps"]
     assert r"\caption{ANEES of position and velocity}" in (tmp_path / "table.tex").read_text(encoding="utf-8")
-    print_table(without_position)
-    assert capsys.readouterr().out.startswith("ANEES of position and velocity")
+    assert summarise(without_position, main_metric(without_position)).title == "ANEES of position and velocity"
 
 
-def test_of_a_long_table_the_terminal_has_the_beginning(cell_rows, capsys, monkeypatch):
+def test_the_terminal_shows_the_important_notes_and_the_geometric_mean_only_where_it_is_asked_for(rows, capsys):
+    failed = rows["filter"] == "baseline"
+    rows = rows.assign(status=rows["status"].mask(failed, "failed"), reason="ValueError: no.")
+    table = summarise(rows, "position_rmse_m", notes=("First.", "2 damaged files of results are left out: a, b."))
+    print_table(table, Path("study"))
+    out = capsys.readouterr().out
+    assert " gm " not in out
+    *_, first, second, last = out.splitlines()
+    assert [first.strip(), second.strip()] == ["Failed: ValueError: no.", table.footnotes[-1]]
+    assert last.strip() == f"{len(table.footnotes) - 3} more notes: jerkbench table study --notes"
+    print_table(table, Path("study"), wide=True, every_note=True)
+    out = capsys.readouterr().out
+    assert " gm 0.0124" in out
+    assert all(note in out for note in table.footnotes)
+
+
+def test_of_a_long_table_the_terminal_has_the_beginning(cell_rows, capsys):
     frame = pd.DataFrame([row for name in "abcd" for row in cell_rows(name, "none", [1.0, 2.0])])
-    monkeypatch.setattr(terminal, "MAX_ROWS", 3)
-    print_table(frame)
+    print_table(summarise(frame, "position_rmse_m"), Path("study"), max_rows=3)
     out = capsys.readouterr().out
 
     assert "These are the first 3 of 4 rows; table.md has all." in out
@@ -214,11 +228,11 @@ def test_json_has_all_factors_digits_ratios_and_what_is_lost(rows):
     assert len(content["cells"]) == 3  # what was not run is not there
     table = summarise(rows, "position_rmse_m", baseline=parse_baseline("adaptation=none"))
     content = json.loads(table_json(table))
-    ratio = cell_of(content, filter="jerk", adaptation="sage_husa")["ratio"]
+    compared = cell_of(content, filter="jerk", adaptation="sage_husa")
     jerk = rows[rows["filter"] == "jerk"].pivot_table(index="seed", columns="adaptation", values="position_rmse_m")
     assert content["baseline"] == {"adaptation": "none"}
-    assert ratio["value"] == pytest.approx(math.exp(np.log(jerk["sage_husa"] / jerk["none"]).mean()), rel=1e-9)
-    assert ratio["different"]
+    assert compared["ratio"] == pytest.approx(math.exp(np.log(jerk["sage_husa"] / jerk["none"]).mean()), rel=1e-9)
+    assert compared["verdict"] == "worse"
     assert cell_of(content, filter="jerk", adaptation="none")["ratio"] is None
     rows.loc[(rows["filter"] == "baseline") & (rows["seed"] > 1), "status"] = "diverged"
     rows.loc[(rows["filter"] == "jerk") & (rows["adaptation"] == "none"), "status"] = "diverged"
