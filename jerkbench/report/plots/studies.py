@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -10,6 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from jerkbench.arrays import FloatArray
+from jerkbench.evaluation.over_seeds import Samples, mean_intervals
 from jerkbench.report.columns import METHOD, SCENARIO_FACTORS, competes, quantity, varying_factors
 from jerkbench.report.findings import certain_size
 from jerkbench.report.plots.style import (
@@ -20,6 +23,7 @@ from jerkbench.report.plots.style import (
     Palette,
     legend_below,
     literal,
+    method_styles,
     new_figure,
     style_axes,
 )
@@ -178,6 +182,82 @@ def heat_map_figure(table: Table, competing: Sequence[bool]) -> Figure:
     return figure
 
 
+# Curves of the metric as a function of a parameter: the process noise, or the size of a fault.
+
+PARAMETER = re.compile(r"([A-Za-z_0-9.]+)=(-?[0-9.]+(?:[eE][+-]?[0-9]+)?)(?=[,)]|$)")
+MIN_SIZES = 3
+"""Minimum number of values of a parameter for which a curve is drawn."""
+
+SCENARIO, SIZE, NAME = "swept_in", "swept_value", "swept_name"
+"""Columns that `curves_figure` reads: the panel of a row, the value of the parameter, and the label of its axis."""
+
+
+def swept_rows(rows: "pd.DataFrame", factor: str) -> "pd.DataFrame":
+    """Return the rows whose labels of ``factor`` differ in one parameter, with the columns `curves_figure` reads.
+
+    Parameters with fewer than `MIN_SIZES` different values are ignored.
+
+    Args:
+        rows: one row for each combination and seed.
+        factor: "noise" or "disturbance".
+    """
+    import pandas as pd
+
+    rows = rows.assign(**{key: rows[key].astype(str) for key in ("dataset", "disturbance", "noise")})
+    found = [
+        (label, f"{label[: match.start(2)]}...{label[match.end(2) :]}", match[1], float(match[2]))
+        for label in rows[factor].unique()
+        for match in PARAMETER.finditer(label)
+    ]
+    places = pd.DataFrame(found, columns=[factor, SCENARIO, NAME, SIZE])
+    places["values"] = places.groupby([SCENARIO, NAME])[SIZE].transform("nunique")
+    most = places.loc[places.groupby(factor)["values"].idxmax()]  # parameter with the most values
+    swept = rows.merge(most[most["values"] >= MIN_SIZES].drop(columns="values"), on=factor)
+    unswept = swept["disturbance"] + ", " if factor == "noise" else ""
+    return swept.assign(**{SCENARIO: swept["dataset"] + ": " + unswept + swept[SCENARIO]})
+
+
+def curves_figure(swept: "pd.DataFrame", metric: str, palette: Palette | None = None) -> Figure:
+    """Draw the mean of ``metric`` and its interval as a function of a parameter, with a panel for each scenario.
+
+    A mean excludes runs that diverged or failed. A hollow point marks a mean that excludes at least one run.
+
+    Args:
+        swept: rows that `swept_rows` returned.
+        metric: column of the metric.
+        palette: colours and line styles of the methods of the study.
+    """
+    swept = swept.assign(method=swept["filter"].astype(str) + " + " + swept["adaptation"].astype(str))
+    scenes = list(swept.groupby(SCENARIO, sort=False))
+    figure = new_figure(0.6 + 2.8 * len(scenes))
+    panels = figure.subplots(len(scenes), 1, squeeze=False)[:, 0]
+    for axes, (name, scene) in zip(panels, scenes, strict=True):
+        for method, style in method_styles(swept["method"].unique(), palette):
+            runs = scene[scene["method"] == method]
+            _draw_means(axes, runs, np.sort(scene[SIZE].unique()), metric, style, method if axes is panels[0] else None)
+        axes.set(title=literal(str(name)), ylabel=literal(quantity(metric).heading), yscale="log")
+        axes.set_xlabel(scene[NAME].iloc[0])
+        if scene[SIZE].min() > 0:
+            axes.set_xscale("log")
+        style_axes(axes)
+    legend_below(figure)
+    return figure
+
+
+def _draw_means(
+    axes: Axes, runs: "pd.DataFrame", at: FloatArray, metric: str, style: MethodStyle, label: str | None
+) -> None:
+    """Draw the means of one method at the values ``at`` of the parameter."""
+    groups = [runs[runs[SIZE] == x] for x in at]
+    good = [group.loc[group["status"] == "ok", metric] for group in groups]
+    means, low, high = mean_intervals(Samples.of(good))
+    complete = np.array([len(values) == len(group) for values, group in zip(good, groups, strict=True)])
+    axes.plot(at, means, **style.stroke, linewidth=1.0, label=label)
+    axes.vlines(at, low, high, color=style.colour, linewidth=0.8)
+    for face, where in ((style.colour, complete), ("white", ~complete)):
+        axes.plot(at[where], means[where], "o", color=style.colour, markerfacecolor=face, markersize=4.0)
+
+
 # The figures of a study with their captions, and the selection of scenarios and methods.
 
 SCENES = 3
@@ -236,6 +316,13 @@ def of_rows(rows: "pd.DataFrame", palette: Palette | None = None) -> Iterator[Dr
     )
     yield Drawing("bars", means, bars_figure(summarise(rows, metric, leaders=False), palette))
     yield from _heat_map(rows, metric)
+    curves = [("sensitivity", "noise", "the process noise")]
+    if len(set(rows["noise"])) == 1:
+        curves.append(("severity", "disturbance", "the size of a fault"))
+    for name, factor, parameter in curves:
+        if len(swept := swept_rows(rows, factor)):
+            caption = f"{quantity(metric).heading} over {parameter}; hollow: some runs failed."
+            yield Drawing(name, caption, curves_figure(swept, metric, palette))
 
 
 def _heat_map(rows: "pd.DataFrame", metric: str) -> Iterator[Drawing]:

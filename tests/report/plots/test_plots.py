@@ -24,9 +24,12 @@ from jerkbench.report.plots.runs import (
 )
 from jerkbench.report.plots.studies import (
     PALE,
+    SIZE,
     bars_figure,
+    curves_figure,
     heat_map_figure,
     of_rows,
+    swept_rows,
 )
 from jerkbench.report.plots.style import save_figure
 from jerkbench.report.summary import summarise
@@ -42,6 +45,15 @@ def study(cell_rows):
             cells += cell_rows(filter_name, "none", [mean * factor, 1.1 * mean * factor], disturbance=disturbance)
     cells[-1]["status"] = "diverged"
     return pd.DataFrame(cells)
+
+
+@pytest.fixture
+def swept(cell_rows):
+    cells = []
+    for sigma in (0.1, 0.2, 0.5):
+        cells += cell_rows("jerk", "none", [sigma, 2 * sigma, 1.2 * sigma], noise=f"accel_mps2={sigma}")
+    cells[-1]["status"] = "diverged"
+    return pd.DataFrame([*cells, *cell_rows("gnss_only", "none", [1.0])])
 
 
 def drawings(rows):
@@ -115,6 +127,27 @@ def test_bars_and_the_heat_map_are_the_means_of_all_scenarios(study, tmp_path):
     assert sorted(texts(figure.axes[0])) == sorted(["2.10", "1.05", "52.4", "6.29", "3.15", "150\n1/2"])
     save_figure(figure, tmp_path / "map.png")
     assert imread(tmp_path / "map.png").std() > 0.01
+
+
+def test_the_sensitivity_is_the_mean_over_sigma(swept):
+    assert sorted(set(swept_rows(swept, "noise")[SIZE])) == [0.1, 0.2, 0.5]
+    (axes,) = curves_figure(swept_rows(swept, "noise"), "position_rmse_m").axes
+    (line,) = [one for one in axes.get_lines() if one.get_label() == "jerk + none"]
+    np.testing.assert_allclose(line.get_xdata(), [0.1, 0.2, 0.5])
+    np.testing.assert_allclose(line.get_ydata(), [0.14, 0.28, 0.75])
+    hollow = [one for one in axes.get_lines() if one.get_marker() == "o" and one.get_markerfacecolor() == "white"]
+    assert sum(len(one.get_xdata()) for one in hollow) == 1
+
+
+@pytest.mark.parametrize(
+    "label", ["q={}", "r_scale.position={}", "measured(accel_mps2={})", "measured(bias=0.1, accel_mps2={})"]
+)
+def test_a_curve_is_drawn_for_each_parameter_of_the_noise_with_three_values(cell_rows, label):
+    cells = [cell_rows("jerk", "none", [1.0], noise=label.format(value)) for value in (0.1, 0.2, 1e-3)]
+    rows = pd.DataFrame([row for cell in cells for row in cell])
+
+    assert set(swept_rows(rows, "noise")["swept_in"]) == {f"field: none, {label.format('...')}"}
+    assert swept_rows(rows[rows["noise"] != label.format(0.1)], "noise").empty
 
 
 def test_the_bars_and_the_heat_map_show_the_same_means(study):
