@@ -173,7 +173,7 @@ SMOOTHED = 20
 
 
 def tracks(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
-    """Yield what becomes of NMEA, GPX, gpsd's JSON and CSV with damaged fields."""
+    """Yield what becomes of NMEA, GPX and CSV with damaged fields."""
     attempt(["data", "inspect", "field", "--set", "duration_s=9"], folder, MAX_CHORD_S)  # loads the libraries
     for number in range(count):
         path = hostile_recordings.track(number, seed, folder)

@@ -34,7 +34,7 @@ def _tables(arguments: argparse.Namespace) -> list[Path]:
         return paths
     if getattr(arguments, "preset", None) is not None or len(paths) > 1:
         other = next((path for path in paths if path not in tables), paths[0])
-        needed = "tables (.csv, .pos, NMEA, GPX, JSON of gpsd) without --dataset"
+        needed = "tables (.csv, .pos, NMEA, GPX) without --dataset"
         raise JerkbenchError(f"--preset and several files need {needed}; {other} is not such a table.")
     return []
 
@@ -171,14 +171,14 @@ def _require_figure(path: Path | None) -> None:
 
 @command(
     *SEVERAL_SOURCES,
-    argument("--to", default="gpx", metavar="FILE", help="the track: a file (.gpx, .kml, .tum), or its suffix"),
+    argument("--to", default="gpx", metavar="FILE", help="the track: a file (.gpx, .tum), or its suffix"),
     argument("--figure", type=Path, metavar="FILE", help="draw the fixes and the track (.png, .pdf)"),
 )
 def smooth_command(arguments: argparse.Namespace) -> None:
     """Smooth the fixes of a log, without an IMU. The smoother is tuned on the same log.
 
       jerkbench smooth ride.gpx --to smooth.gpx --figure smooth.png
-      jerkbench smooth field --set duration_s=60 --to kml
+      jerkbench smooth field --set duration_s=60 --to tum
 
     Raises:
         JerkbenchError: There are too few fixes, the file already exists, or its suffix is unknown.
