@@ -139,20 +139,19 @@ def _save(figure: "Figure", path: Path) -> None:
     print(f"Figure: {path}")
 
 
-@command(*SOURCE_ARGUMENTS, argument("--figure", type=Path, metavar="FILE", help="draw the errors (.png, .pdf)"))
+@command(*SOURCE_ARGUMENTS)
 def receiver_command(arguments: argparse.Namespace) -> None:
     """Compare the reported covariance of a receiver with its errors, and recommend filter settings.
 
-      jerkbench data receiver drive.bag --figure receiver.png
+      jerkbench data receiver drive.bag
       jerkbench data receiver field --set duration_s=60 --seed 1
 
     Raises:
-        JerkbenchError: There are too few fixes, or the format of the figure is unknown.
+        JerkbenchError: There are too few fixes.
     """
-    from jerkbench.inspection.receiver import HEADER, advice, receiver_errors, receiver_figure, table_rows
+    from jerkbench.inspection.receiver import HEADER, advice, receiver_errors, table_rows
     from jerkbench.report.terminal import print_grid
 
-    _require_figure(arguments.figure)
     recording = dataset_of(arguments.source, arguments.dataset, arguments.set).load(arguments.seed)
     errors = receiver_errors(recording)
     if errors is None:
@@ -160,8 +159,6 @@ def receiver_command(arguments: argparse.Namespace) -> None:
     compared = f"compared with {errors.source}" if errors.source else "compared with each other"
     title = f"{recording.name}: a fix every {errors.step_s:.3g} s, {compared}"
     print_grid(title, HEADER, list(table_rows(errors)), list(advice(errors)))
-    if arguments.figure is not None:
-        _save(receiver_figure(recording, errors), arguments.figure)
 
 
 def _require_figure(path: Path | None) -> None:
@@ -183,8 +180,9 @@ def smooth_command(arguments: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: There are too few fixes, the file already exists, or its suffix is unknown.
     """
+    from jerkbench.inspection.facts import overview_figure
     from jerkbench.inspection.guessing import guess_tables
-    from jerkbench.inspection.smoothing import smooth_fixes, track_figure, track_lines
+    from jerkbench.inspection.smoothing import smooth_fixes, track_lines
     from jerkbench.io.writing import TRAJECTORIES
 
     _require_figure(arguments.figure)
@@ -202,4 +200,4 @@ def smooth_command(arguments: argparse.Namespace) -> None:
         print(line)
     print(f"Track: {target}")
     if arguments.figure is not None:
-        _save(track_figure(track), arguments.figure)
+        _save(overview_figure(track.recording), arguments.figure)

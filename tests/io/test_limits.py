@@ -24,7 +24,7 @@ from jerkbench.errors import PluginError, RecordingError
 from jerkbench.inspection.evidence import common_edges
 from jerkbench.inspection.facts import facts_text
 from jerkbench.inspection.guesses import guess_time_unit
-from jerkbench.inspection.receiver import receiver_errors, receiver_figure
+from jerkbench.inspection.receiver import receiver_errors
 from jerkbench.io.columns import read_columns
 from jerkbench.io.rtklib import _COLUMNS
 from jerkbench.io.sanitiser import off_earth
@@ -285,7 +285,6 @@ def test_a_clock_that_was_set_under_way_is_named_and_needs_no_memory():
     assert "the IMU has 1 gap of up to 16999999" in facts_text(recording)
     errors = receiver_errors(recording)
     assert not len(errors.lags_s)
-    receiver_figure(recording, errors)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300_000
     assert len(common_edges(0.5, np.concatenate([np.arange(100_000) / 100, 3e5 + np.arange(100_000) / 100]))) > 600_000
     for stamps in (np.zeros(5), np.zeros(0)):
