@@ -9,6 +9,9 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
+from jerkbench.jobs.names import choose
+from jerkbench.plugins import create
+
 ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
 START_NS = 1_700_000_000_000_000_000  # 2023-11-14
 IMU_TYPE = "sensor_msgs/msg/Imu"
@@ -81,6 +84,11 @@ def multiplied(a, b):
 
 def east_m(t):
     return SPEED_MPS * max(0.0, t - STANDS_S)
+
+
+def fixposition(path, **parameters):
+    """The data set that reads the bag of a `Drive`."""
+    return create("dataset", choose("dataset", {"name": "fixposition", "file": str(path), **parameters}).plain)
 
 
 @dataclass

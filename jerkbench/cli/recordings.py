@@ -24,7 +24,6 @@ FOLDER_PATTERNS = {
     "RTK1105.csv": "tokyo_1105",
     "goGPS_WLS.csv": "pixel4",
     "GPSRaw.dat": "beijing_car",
-    "GroundTruthAGL.csv": "zurich_mav",
 }
 """The data set or preset that reads a folder, by the pattern of a file in the folder."""
 

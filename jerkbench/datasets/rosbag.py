@@ -1,14 +1,11 @@
-"""Data sets that read ROS bags: any bag, with specified or guessed topics, and bags of a Fixposition Vision-RTK 2."""
+"""The data set `rosbag`: any ROS bag, with specified or guessed topics."""
 
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 from jerkbench.arrays import require_choices
-from jerkbench.errors import RecordingError, require_known
-from jerkbench.io.bag import FIX, IMU, ODOMETRY, Bag, Topic
+from jerkbench.io.bag import Bag
 from jerkbench.io.bag_dataset import POSE_FRAMES, VELOCITY_FRAMES, BagDataset
-from jerkbench.io.bag_topics import ROLES, Role, TopicPlan, guessed_topics, is_ecef
+from jerkbench.io.bag_topics import ROLES, TopicPlan, guessed_topics
 from jerkbench.plugins import register
 
 
@@ -78,124 +75,3 @@ class RosBag(BagDataset):
             reference_source=self.reference_source,
             reference_independent=self.reference_independent,
         )
-
-
-# The topics of the driver of a Fixposition Vision-RTK 2, versions 4 to 8.
-
-ODOMETRIES = ("odometry_ecef", "odometry")
-"""Last part of the name of the topic with the fusion in ECEF: for drivers from 6.2 on, and for older drivers."""
-
-_IMUS = ("poiimu", "corrimu", "rawimu")
-FUSED_FIX = "navsatfix"
-"""Last part of the name of the topic with positions for drivers before 6.1, which publish only the fused position."""
-
-
-def find_odometry(bag: Bag, namespace: str) -> Topic:
-    """Return the topic with the solution of the sensor fusion in ECEF.
-
-    Raises:
-        RecordingError: the topic does not exist. The error message lists all topics.
-    """
-    inside = f"/{namespace.strip('/')}/" if namespace else ""
-    found = [t for t in bag.topics if t.msgtype == ODOMETRY and t.count and t.name.startswith(inside)]
-    odometries = [topic for last in ODOMETRIES for topic in found if topic.name.rsplit("/", 1)[-1] == last]
-    for topic in odometries:
-        position = bag.read({topic.name: ("position",)})[topic.name]["position"]
-        if is_ecef(position[np.abs(position).max(axis=1) > 0]):  # before the first solution, the fusion publishes zeros
-            return topic
-    listing = ", ".join(f"{topic.name} ({topic.msgtype})" for topic in bag.topics)
-    reason = f"no nav_msgs/Odometry ends in {' or '.join(ODOMETRIES)}"
-    if odometries:
-        reason = f"{odometries[0].name} is not in ECEF"
-    raise RecordingError(
-        f"{bag.path} is not a Fixposition recording: {reason}. Topics: {listing}. Set namespace, or read the"
-        " bag with dataset=rosbag."
-    )
-
-
-def plan_topics(bag: Bag, namespace: str, imu: str, gnss: str, *, velocity: bool, heading: bool) -> TopicPlan:
-    """Return the topics of IMU, position, velocity, heading and reference, with notes about the version of the driver.
-
-    Raises:
-        RecordingError: the topic of the odometry, of the IMU or of the positions is missing.
-    """
-    odometry = find_odometry(bag, namespace).name
-    space = odometry.rsplit("/", 1)[0]
-    topics: dict[Role, str] = {"imu": _require_topic(bag, space, imu, IMU, "imu")}
-    notes: tuple[str, ...] = ()
-    if not _has(bag, f"{space}/{gnss}") and _has(bag, f"{space}/{FUSED_FIX}"):
-        fused = f"positions are {space}/{FUSED_FIX}, the sensor's fusion, the same as the reference."
-        notes, gnss = (f"The driver published no {space}/{gnss} (older than 6.1): {fused}",), FUSED_FIX
-    topics["position"] = _require_topic(bag, space, gnss, FIX, "gnss")
-    fused_roles: dict[Role, bool] = {"velocity": velocity, "heading": heading, "reference": True}
-    topics |= {role: odometry for role, wanted in fused_roles.items() if wanted}
-    return TopicPlan(topics, notes)
-
-
-def _require_topic(bag: Bag, space: str, name: str, msgtype: str, parameter: str) -> str:
-    """Return the name ``space/name`` of a topic that has messages.
-
-    Raises:
-        RecordingError: the topic has no messages. The error message lists the topics of the type ``msgtype``.
-    """
-    if _has(bag, f"{space}/{name}"):
-        return f"{space}/{name}"
-    suitable = [t.name for t in bag.topics if t.msgtype == msgtype and t.count]
-    raise RecordingError(
-        f"{bag.path} has no messages in the topic {space}/{name}. Topics of the type {msgtype}:"
-        f" {', '.join(suitable) or 'none'}. Set {parameter} to the last part of a topic's name."
-    )
-
-
-def _has(bag: Bag, name: str) -> bool:
-    return any(topic.name == name and topic.count for topic in bag.topics)
-
-
-_VELOCITIES = ("none", "odometry")
-HEADINGS = ("none", "odometry")
-
-
-@register("dataset", "fixposition")
-@dataclass(frozen=True)
-class Fixposition(BagDataset):
-    """A recording of a Fixposition Vision-RTK 2 (ROS driver versions 4 to 8).
-
-    The topics are found by the last parts of their names, in any namespace::
-
-        odometry_ecef or odometry   the sensor's fusion, ECEF: the reference, and velocities in the body
-        poiimu                      bias-corrected specific force and angular rate at the point of interest
-        gnss1                       fixes of antenna 1; drivers before 6.1 have navsatfix of the fusion instead
-
-    The sensor's fusion uses the same antennas and the same IMU as the measurements, and also cameras. The fusion is
-    **not an independent reference**, and the velocities also come from the fusion. Fixes state their covariance in the
-    order north, east, up. Drivers 6.1.0 and 6.1.1 never set the stamps of fixes. For these drivers, the stamp of a fix
-    is the recording time minus a median delay.
-
-    Source: the driver's public code and documentation (github.com/fixposition/fixposition_driver).
-
-    Attributes:
-        namespace: namespace of the topics, or empty for the namespace of the first odometry in ECEF.
-        imu: last part of the name of the IMU's topic: poiimu, corrimu or rawimu.
-        gnss: last part of the name of the topic of fixes: gnss1 or gnss2.
-        velocity: source of the velocities: odometry or none.
-        heading: source of the headings: odometry or none.
-    """
-
-    covariance_order: str = "neu"
-    namespace: str = ""
-    imu: str = "poiimu"
-    gnss: str = "gnss1"
-    velocity: str = "odometry"
-    heading: str = "none"
-
-    def __post_init__(self) -> None:
-        self.check_options()
-        for name, available in (("velocity", _VELOCITIES), ("heading", HEADINGS)):
-            require_known(f"{name} of fixposition", getattr(self, name), available)
-
-    def plan(self, bag: Bag) -> TopicPlan:
-        """Return the topics of the Fixposition driver, and their frames."""
-        velocity, heading = self.velocity == "odometry", self.heading == "odometry"
-        plan = plan_topics(bag, self.namespace, self.imu, self.gnss, velocity=velocity, heading=heading)
-        source = f"the sensor's own fusion ({plan.topics['reference']})"
-        return replace(plan, covariance_order=self.covariance_order, reference_frame="ecef", reference_source=source)

@@ -7,8 +7,9 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 import jerkbench
+from bag_maker import fixposition
 from jerkbench.datasets.field import FieldWhite
-from jerkbench.datasets.rosbag import Fixposition, RosBag
+from jerkbench.datasets.rosbag import RosBag
 from jerkbench.errors import RecordingError
 from jerkbench.io.bag_writing import write_bag
 from jerkbench.plugins.samples import small_recording
@@ -27,7 +28,7 @@ def same(one, other, stream, *names, atol=1e-8):
 def test_a_simulated_field_comes_back(tmp_path, suffix):
     field = FieldWhite(**FIELD).load(3)
     write_bag(field, tmp_path / f"a{suffix}")
-    back = Fixposition(str(tmp_path / f"a{suffix}")).load(0)
+    back = fixposition(str(tmp_path / f"a{suffix}")).load(0)
     same(back, field, "imu", "t_s", "accel_mps2", "gyro_radps")
     same(back, field, "position", "t_s", "enu_m", "covariance_m2")
     same(back, field, "velocity", "t_s", "mps", "covariance_m2ps2")
@@ -60,7 +61,7 @@ def test_covariances_keep_their_axes(tmp_path):
     skew = np.array([[4e-4, 1e-4, -2e-4], [1e-4, 1e-4, 0], [-2e-4, 0, 9e-4]])
     position = dataclasses.replace(field.position, covariance_m2=np.tile(skew, (len(field.position.t_s), 1, 1)))
     write_bag(dataclasses.replace(field, position=position), tmp_path / "a.bag")
-    for dataset in (Fixposition, RosBag):
+    for dataset in (fixposition, RosBag):
         np.testing.assert_allclose(dataset(str(tmp_path / "a.bag")).load(0).position.covariance_m2[5], skew, rtol=1e-12)
     with AnyReader([tmp_path / "a.bag"]) as reader:
         connections = [c for c in reader.connections if c.topic == "/fixposition/gnss1"]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bag_maker import ROS1, START_NS, Drive, odometry
-from jerkbench.datasets.rosbag import Fixposition, RosBag
+from bag_maker import ROS1, START_NS, Drive, fixposition, odometry
+from jerkbench.datasets.rosbag import RosBag
 from jerkbench.errors import RecordingError
 from jerkbench.inspection.facts import facts_text
 from jerkbench.io import bag
@@ -203,14 +203,14 @@ def test_what_is_kept_is_shown_and_cleared_and_nothing_else(tmp_path, typed, mon
     cache = tmp_path / "cache"
     monkeypatch.setenv("JERKBENCH_CACHE", str(cache))
     monkeypatch.setattr(bag, "MIN_CACHED_BYTES", 0)
-    Fixposition(str(Drive(duration_s=3.0).write(tmp_path / "a.bag"))).load(0)
+    fixposition(str(Drive(duration_s=3.0).write(tmp_path / "a.bag"))).load(0)
     (cache / "compiled" / "run_mtf-1" / "mtf_1").mkdir(parents=True)
     for ours in ("run_mtf-1/lock", "run_mtf-1/mtf_1/mtf.run_mtf-1.py311.nbi"):
         (cache / "compiled" / ours).write_bytes(bytes(500_000))
     (cache / "mine.txt").touch()
     shown = typed("data", "cache").stdout
     assert f"compiled filters and adaptations: 2 files, 1.0 MB in {cache / 'compiled'}\n" in shown
-    assert "messages of bags: 2 files, " in shown
+    assert "messages of bags: 1 files, " in shown
     assert typed("data", "cache", "--clear").stdout.count(", deleted") == 2
     assert [path.name for path in cache.rglob("*") if path.is_file()] == ["mine.txt"]
     assert typed("data", "cache").stdout.count(": 0 files, 0.0 MB") == 3

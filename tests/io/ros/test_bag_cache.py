@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from bag_maker import Drive
+from bag_maker import Drive, fixposition
 from jerkbench.arrays import identical
-from jerkbench.datasets.rosbag import Fixposition, RosBag
+from jerkbench.datasets.rosbag import RosBag
 from jerkbench.io import bag as bags
 
 
@@ -22,39 +22,39 @@ def stored(folder):
 
 
 def test_the_second_reading_decodes_nothing(bag, tmp_path, monkeypatch):
-    first = Fixposition(str(bag)).load(0)
-    assert len(stored(tmp_path)) == 2  # the positions of the odometry alone show whether it is in ECEF
+    first = fixposition(str(bag)).load(0)
+    assert len(stored(tmp_path)) == 1
     monkeypatch.delattr(bags._Columns, "append")
-    assert identical(Fixposition(str(bag)).load(0), first)
+    assert identical(fixposition(str(bag)).load(0), first)
     moved = bag.rename(tmp_path / "b.bag")  # it is the content that counts
-    np.testing.assert_array_equal(Fixposition(str(moved)).load(0).imu.accel_mps2, first.imu.accel_mps2)
+    np.testing.assert_array_equal(fixposition(str(moved)).load(0).imu.accel_mps2, first.imu.accel_mps2)
 
 
 def test_other_fields_and_another_content_are_decoded_again(bag, tmp_path):
-    Fixposition(str(bag)).load(0)
-    Fixposition(str(bag), covariance_order="enu").load(0)
+    fixposition(str(bag)).load(0)
+    fixposition(str(bag), covariance_order="enu").load(0)
+    assert len(stored(tmp_path)) == 1
+    fixposition(str(bag), heading_topic="/fixposition/odometry_ecef").load(0)
     assert len(stored(tmp_path)) == 2
-    Fixposition(str(bag), heading="odometry").load(0)
-    assert len(stored(tmp_path)) == 3
     assert RosBag(str(bag)).load(0).velocity is not None
-    before = Fixposition(str(bag)).load(0)
+    before = fixposition(str(bag)).load(0)
     bag.unlink()
     Drive(duration_s=3.0).write(bag)
-    assert len(Fixposition(str(bag)).load(0).imu.t_s) == 150 < len(before.imu.t_s)
+    assert len(fixposition(str(bag)).load(0).imu.t_s) == 150 < len(before.imu.t_s)
 
 
 @pytest.mark.parametrize("harm", [lambda c: c[: len(c) // 2], lambda _: b"", lambda c: b"\0" * len(c)])
 def test_a_damaged_cache_is_read_again_from_the_bag(bag, tmp_path, harm):
-    first = Fixposition(str(bag)).load(0)
+    first = fixposition(str(bag)).load(0)
     for file in stored(tmp_path):
         whole = file.read_bytes()
         file.write_bytes(harm(whole))
-        assert identical(Fixposition(str(bag)).load(0), first)
+        assert identical(fixposition(str(bag)).load(0), first)
         assert len(file.read_bytes()) == len(whole)
 
 
 def test_a_flipped_byte_in_the_cache_never_shows(bag, tmp_path):
-    Fixposition(str(bag)).load(0)
+    fixposition(str(bag)).load(0)
     file = max(stored(tmp_path), key=lambda path: path.stat().st_size)
     whole, random = file.read_bytes(), np.random.default_rng(5)
     for place in [*range(0, 400, 9), *random.integers(len(whole), size=60), *range(len(whole) - 1500, len(whole), 60)]:
@@ -67,7 +67,7 @@ def test_a_flipped_byte_in_the_cache_never_shows(bag, tmp_path):
 def test_a_cache_that_cannot_be_written_is_one_line(bag, tmp_path):
     (tmp_path / "cache").write_text("a file, where a folder should be")
     with pytest.warns(UserWarning, match="cannot be written"):
-        recording = Fixposition(str(bag)).load(0)
+        recording = fixposition(str(bag)).load(0)
     assert len(recording.imu.t_s) == 200
 
 
@@ -80,5 +80,5 @@ def test_a_bag_that_changes_while_it_is_read_is_not_stored(bag, tmp_path, monkey
         return done
 
     monkeypatch.setattr(bags.Bag, "_decoded", changing)
-    Fixposition(str(bag)).load(0)
+    fixposition(str(bag)).load(0)
     assert stored(tmp_path) == []

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from bag_maker import Drive
-from jerkbench.datasets.rosbag import Fixposition
+from bag_maker import Drive, fixposition
 from jerkbench.errors import RecordingError
 
 IMU, FIX, ODOMETRY = "/fixposition/poiimu", "/fixposition/gnss1", "/fixposition/odometry_ecef"
@@ -19,7 +18,7 @@ def sound(tmp_path_factory):
 
 def load(drive, folder, **options):
     (folder / "a.bag").unlink(missing_ok=True)
-    return Fixposition(str(drive.write(folder / "a.bag")), **options).load(0)
+    return fixposition(str(drive.write(folder / "a.bag")), **options).load(0)
 
 
 def set_stamp(message, ns):
@@ -181,7 +180,7 @@ def test_a_bad_covariance_is_replaced(tmp_path, harm):
     harm(drive)
     repaired = load(drive, tmp_path)
     np.testing.assert_allclose(repaired.position.covariance_m2[3], np.diag([1e-4, 4e-4, 9e-4]))
-    given = Fixposition(str(tmp_path / "a.bag"), position_sigma_m=(1.0, 2.0, 3.0)).load(0)
+    given = fixposition(str(tmp_path / "a.bag"), position_sigma_m=(1.0, 2.0, 3.0)).load(0)
     np.testing.assert_allclose(given.position.covariance_m2[3], np.diag([4.0, 1.0, 9.0]))  # in the stated order
 
 
@@ -191,7 +190,7 @@ def test_what_leaves_nothing_is_a_sentence_that_says_which_parameter_helps(tmp_p
         message.position_covariance[:] = 0.0
     with pytest.raises(RecordingError, match="position_sigma_m"):
         load(drive, tmp_path)
-    given = Fixposition(str(tmp_path / "a.bag"), position_sigma_m=(1.0, 1.0, 1.0)).load(0)
+    given = fixposition(str(tmp_path / "a.bag"), position_sigma_m=(1.0, 1.0, 1.0)).load(0)
     assert len(given.position.t_s) == 30
     drive = Drive(duration_s=6.0)
     for message in drive.messages(IMU):

@@ -6,8 +6,8 @@ import shutil
 import numpy as np
 import pytest
 
-from bag_maker import IMU_TYPE, ROS1, ROS2, Drive, imu, write_bag
-from jerkbench.datasets.rosbag import Fixposition, RosBag
+from bag_maker import IMU_TYPE, ROS1, ROS2, Drive, fixposition, imu, write_bag
+from jerkbench.datasets.rosbag import RosBag
 from jerkbench.errors import RecordingError
 
 FORMATS = {"none": (ROS1, "a.bag", None), "lz4": (ROS1, "a.bag", "lz4"), "bz2": (ROS1, "a.bag", "bz2")}
@@ -23,7 +23,7 @@ def sound(tmp_path_factory):
         if path.is_dir():
             (path,) = (p for p in path.iterdir() if p.suffix in (".db3", ".mcap"))
         made[name] = path
-    return made, Fixposition(str(made["none"])).load(0)
+    return made, fixposition(str(made["none"])).load(0)
 
 
 def harmed(path, folder, change):
@@ -38,7 +38,7 @@ def harmed(path, folder, change):
 def test_a_file_that_was_cut_is_one_sentence(tmp_path, sound, name, part):
     path = harmed(sound[0][name], tmp_path, lambda content: content[: int(part * len(content))])
     try:
-        recording = Fixposition(path).load(0)
+        recording = fixposition(path).load(0)
     except RecordingError as error:
         assert re.search("[Cc]opy the (file|bag) again|record the bag again|is empty", str(error))  # noqa: PT017 - either is right
     else:  # SQLite needs not the last bytes of its last page
@@ -59,7 +59,7 @@ def test_flipped_bytes_end_in_a_sentence_or_in_the_same_drive_without_the_worst(
         return content
 
     try:
-        recording = Fixposition(harmed(sound[0][name], tmp_path, flip)).load(0)
+        recording = fixposition(harmed(sound[0][name], tmp_path, flip)).load(0)
     except RecordingError as error:
         assert len(str(error)) > 40  # noqa: PT017 - the drive itself is right too
         return
@@ -74,7 +74,7 @@ def test_flipped_bytes_end_in_a_sentence_or_in_the_same_drive_without_the_worst(
 @pytest.mark.parametrize("name", ["none", "db3", "mcap"])
 def test_an_empty_file(tmp_path, sound, name):
     with pytest.raises(RecordingError, match="is empty; copy the file again"):
-        Fixposition(harmed(sound[0][name], tmp_path, lambda _: b"")).load(0)
+        fixposition(harmed(sound[0][name], tmp_path, lambda _: b"")).load(0)
 
 
 @pytest.mark.parametrize(("name", "suffix"), [("none", ".db3"), ("db3", ".bag"), ("mcap", ".bag"), ("mcap", ".txt")])
@@ -82,7 +82,7 @@ def test_a_wrong_suffix_is_named(tmp_path, sound, name, suffix):
     path = tmp_path / f"wrong{suffix}"
     shutil.copy(sound[0][name], path)
     with pytest.raises(RecordingError, match=r"rename.*\.(bag|db3|mcap)"):
-        Fixposition(str(path)).load(0)
+        fixposition(str(path)).load(0)
 
 
 def test_what_is_no_bag_and_damaged_metadata_are_sentences(tmp_path):
@@ -98,15 +98,15 @@ def test_what_is_no_bag_and_damaged_metadata_are_sentences(tmp_path):
     metadata = (path / "metadata.yaml").read_text()
     (path / "metadata.yaml").write_text(metadata.replace("a.db3", "b.db3"))
     with pytest.raises(RecordingError, match="Some database files are missing"):
-        Fixposition(str(path)).load(0)
+        fixposition(str(path)).load(0)
     for broken in (metadata[: len(metadata) // 2], "{[", "", metadata.replace("version: 9", "version: nine")):
         (path / "metadata.yaml").write_text(broken)
         with pytest.raises(RecordingError, match="ros2 bag reindex"):
-            Fixposition(str(path)).load(0)
+            fixposition(str(path)).load(0)
     (path / "metadata.yaml").unlink()
     (path / "more.db3").write_bytes(next(path.glob("*.db3")).read_bytes())
     with pytest.raises(RecordingError, match=r"2 files .*metadata\.yaml"):
-        Fixposition(str(path)).load(0)
+        fixposition(str(path)).load(0)
 
 
 @pytest.mark.parametrize(("store", "name"), [(ROS1, "a.bag"), (ROS2, "a"), (ROS2, "a.mcap")])
@@ -122,17 +122,17 @@ def test_too_few_messages_another_time_and_another_type_are_sentences(tmp_path):
     drive = Drive(duration_s=3.0)
     del drive.rows["/fixposition/gnss1"][1:]
     with pytest.raises(RecordingError, match=r"gnss1\): 1 usable"):
-        Fixposition(str(drive.write(tmp_path / "a.bag"))).load(0)
+        fixposition(str(drive.write(tmp_path / "a.bag"))).load(0)
     drive = Drive(duration_s=3.0)
     for row in drive.rows["/fixposition/gnss1"]:
         row[0] += 3600 * 10**9
         row[2].header.stamp.sec += 3600
     with pytest.raises(RecordingError, match="do not overlap in time"):
-        Fixposition(str(drive.write(tmp_path / "b.bag"))).load(0)
+        fixposition(str(drive.write(tmp_path / "b.bag"))).load(0)
     drive = Drive(duration_s=3.0)
     drive.rows["/fixposition/gnss1"] = [[row[0], *imu(ROS1, row[0])] for row in drive.rows["/fixposition/gnss1"]]
     with pytest.raises(RecordingError, match="sensor_msgs/msg/Imu"):
-        Fixposition(str(drive.write(tmp_path / "c.bag"))).load(0)
+        fixposition(str(drive.write(tmp_path / "c.bag"))).load(0)
 
 
 def split(drive, folder, parts):
@@ -146,11 +146,11 @@ def split(drive, folder, parts):
 
 def test_a_split_bag_is_one_drive_and_a_missing_part_is_said(tmp_path):
     drive = Drive(duration_s=6.0)
-    whole = Fixposition(str(drive.write(tmp_path / "a.bag"))).load(0)
-    joined = Fixposition(split(drive, tmp_path / "all", [0, 1, 2])).load(0)
+    whole = fixposition(str(drive.write(tmp_path / "a.bag"))).load(0)
+    joined = fixposition(split(drive, tmp_path / "all", [0, 1, 2])).load(0)
     np.testing.assert_array_equal(joined.imu.accel_mps2, whole.imu.accel_mps2)
     assert joined.notes == whole.notes
-    lacking = Fixposition(split(drive, tmp_path / "two", [0, 2])).load(0)
+    lacking = fixposition(split(drive, tmp_path / "two", [0, 2])).load(0)
     assert lacking.notes[0] == "Parts [1] of the split bag are missing."
     assert any("a gap before them, up to 2.02 s" in note for note in lacking.notes)
 
@@ -160,10 +160,10 @@ def test_bags_of_different_drives_in_one_folder_are_not_joined(tmp_path):
     for name in ("test1.bag", "xsens.bag"):
         drive.write(tmp_path / name)
     with pytest.raises(RecordingError, match=r"test1\.bag, xsens\.bag"):
-        Fixposition(str(tmp_path)).load(0)
+        fixposition(str(tmp_path)).load(0)
     (tmp_path / "test1.bag").rename(tmp_path / "drive_2023-11-14-22-13-20_0.bag")
     (tmp_path / "xsens.bag").rename(tmp_path / "other_2023-11-14-22-14-20_1.bag")
     with pytest.raises(RecordingError, match=r"NAME_0\.bag"):
-        Fixposition(str(tmp_path)).load(0)
+        fixposition(str(tmp_path)).load(0)
     (tmp_path / "other_2023-11-14-22-14-20_1.bag").rename(tmp_path / "drive_2023-11-14-22-14-20_1.bag")
-    assert len(Fixposition(str(tmp_path)).load(0).imu.t_s) == 150  # each stamp is there twice
+    assert len(fixposition(str(tmp_path)).load(0).imu.t_s) == 150  # each stamp is there twice
