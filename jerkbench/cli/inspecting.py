@@ -102,8 +102,7 @@ def inspect_command(arguments: argparse.Namespace) -> None:
     if not isinstance(dataset, BagOptions):
         _describe(dataset.load(arguments.seed), dataset, arguments.figure)
         return
-    from jerkbench.io.bag import open_bag
-    from jerkbench.io.bag_survey import survey
+    from jerkbench.io.bag import open_bag, survey
 
     with open_bag(dataset.path) as bag:
         print(*survey(bag), "", sep="\n")

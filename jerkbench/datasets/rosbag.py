@@ -1,6 +1,6 @@
 """The data set `rosbag`: any ROS bag, with specified or guessed topics."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from jerkbench.arrays import require_choices
 from jerkbench.io.bag import Bag
@@ -64,14 +64,5 @@ class RosBag(BagDataset):
     def plan(self, bag: Bag) -> TopicPlan:
         """Return the specified and the guessed topics, and their frames."""
         topics, notes = guessed_topics(bag, {role: getattr(self, f"{role}_topic") for role in ROLES})
-        return TopicPlan(
-            topics,
-            notes,
-            covariance_order=self.covariance_order,
-            position_frame=self.position_frame,
-            velocity_frame=self.velocity_frame,
-            reference_frame=self.reference_frame,
-            heading_source="dual_antenna" if self.heading_source == "dual_antenna" else "odometry",
-            reference_source=self.reference_source,
-            reference_independent=self.reference_independent,
-        )
+        stated = {f.name: getattr(self, f.name) for f in fields(TopicPlan) if f.name not in ("topics", "notes")}
+        return TopicPlan(topics, notes, **stated)
