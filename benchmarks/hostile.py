@@ -173,7 +173,7 @@ SMOOTHED = 20
 
 
 def tracks(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
-    """Yield the outcomes of NMEA, GPX, gpsd JSON and CSV files with damaged fields."""
+    """Yield the outcomes of NMEA, GPX and CSV files with damaged fields."""
     attempt(["data", "inspect", "field", "--set", "duration_s=9"], folder, MAX_CHORD_S)  # imports the libraries
     for number in range(count):
         path = hostile_recordings.track(number, seed, folder)

@@ -1,6 +1,5 @@
-"""Recordings with damaged fields: tracks (NMEA, GPX, gpsd JSON, CSV) and arrays (HDF5, MATLAB)."""
+"""Recordings with damaged fields: tracks (NMEA, GPX, CSV) and arrays (HDF5, MATLAB)."""
 
-import json
 import random
 from collections.abc import Callable, Sequence
 from functools import reduce
@@ -39,23 +38,18 @@ TEXTS = (
 )
 """Texts that replace a field."""
 
-DEEP = '[{"a":' * 3000 + "1" + "}]" * 3000
-VALUES = (*map(json.dumps, TEXTS), "null", "true", "{}", "[]", '["x"]', "1e9", "-91", "361", "1e300", "9" * 401, DEEP)
-VALUES = (*VALUES, "NaN", "-Infinity", "{", "1 2", "")
-"""Texts that replace a JSON value. The last texts are not valid JSON values."""
-
 
 def track(number: int, seed: int, folder: Path) -> Path:
     """Write a track with a damaged field in some or all rows, and return its path."""
     rng = random.Random(f"{seed} {number}")  # noqa: S311 - not for cryptography
-    name, rows, fields, assemble, texts = rng.choice(FORMATS)
+    name, rows, fields, assemble = rng.choice(FORMATS)
     damaged = [list(row) for row in rows]
     for _ in range(rng.choice((1, 1, 2, 5))):
         column, share = rng.randrange(fields), rng.choice((0.05, 0.5, 1.0))
-        same = rng.choice(texts)
+        same = rng.choice(TEXTS)
         for row in damaged:
             if rng.random() < share and column < len(row):
-                row[column] = rng.choice((same, same, rng.choice(texts)))
+                row[column] = rng.choice((same, same, rng.choice(TEXTS)))
                 if rng.random() < 0.05:
                     row.pop(rng.randrange(len(row)))
     text = assemble(damaged)
@@ -81,15 +75,6 @@ def _gpx(rows: Sequence[Sequence[str]]) -> str:
     return '<gpx version="1.1"><trk><trkseg>\n' + "\n".join(points) + "\n</trkseg></trk></gpx>\n"
 
 
-GPSD_KEYS = ("mode", "time", "lat", "lon", "altHAE", "epx", "epy", "epv", "speed", "track", "climb")
-
-
-def _gpsd(rows: Sequence[Sequence[str]]) -> str:
-    reports = [dict(zip(GPSD_KEYS, row, strict=False)) for row in rows]
-    bodies = [",".join(f'"{key}":{value}' for key, value in report.items()) for report in reports]
-    return '{"class":"VERSION"}\n' + "".join(f'{{"class":"TPV",{body}}}\n' for body in bodies)
-
-
 NMEA_ROWS = [
     line.split(",")
     for k in range(ROWS)
@@ -102,10 +87,6 @@ NMEA_ROWS = [
 ]
 STAMPS = [f"2024-05-14T12:00:{k:02d}Z" for k in range(ROWS)]
 GPX_ROWS = [[f"{48 + k * 1e-5}", "11.5", "ele", "545.4", stamp] for k, stamp in enumerate(STAMPS)]
-GPSD_ROWS = [
-    ["3", f'"{stamp}"', f"{48 + k * 1e-5}", "11.5", "545.4", "2", "3", "5", "4.0", "90", "0"]
-    for k, stamp in enumerate(STAMPS)
-]
 TABLE = "t,lat,lon,height,ax,ay,az,gx,gy,gz,ve,vn,vu"
 TABLE_ROWS = [
     [
@@ -123,13 +104,12 @@ def _csv(rows: Sequence[Sequence[str]]) -> str:
     return "\n".join([TABLE, *map(",".join, rows), ""])
 
 
-FORMATS: tuple[tuple[str, list[list[str]], int, Callable[[Sequence[Sequence[str]]], str], tuple[str, ...]], ...] = (
-    (".nmea", NMEA_ROWS, 15, _nmea, TEXTS),
-    (".gpx", GPX_ROWS, 5, _gpx, TEXTS),
-    (".json", GPSD_ROWS, len(GPSD_KEYS), _gpsd, VALUES),
-    (".csv", TABLE_ROWS, len(TABLE_ROWS[0]), _csv, TEXTS),
+FORMATS: tuple[tuple[str, list[list[str]], int, Callable[[Sequence[Sequence[str]]], str]], ...] = (
+    (".nmea", NMEA_ROWS, 15, _nmea),
+    (".gpx", GPX_ROWS, 5, _gpx),
+    (".csv", TABLE_ROWS, len(TABLE_ROWS[0]), _csv),
 )
-"""Formats: suffix, undamaged rows, number of fields, function that formats the rows, and texts that damage a field."""
+"""Formats: suffix, undamaged rows, number of fields, and the function that formats the rows."""
 
 
 # Arrays: a trial of the data set BROAD as HDF5, and a table as MATLAB 5 and 7.3.

@@ -62,10 +62,6 @@ figures results/truth
         "data fetch pixel4\nsmooth pixel4 --to gpx --figure fetched.png\n",
         {"fetched.png": "fetched.png"},
     ),
-    "tokyo_1105": Page(
-        "data fetch tokyo_1105\ndata receiver tokyo_1105 --figure receiver.png\n",
-        {"receiver.png": "receiver.png"},
-    ),
 }
 """Keys are pages of docs/ or names of recordings."""
 

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 
 RENAMED: Mapping[str, Mapping[str, str]] = {
-    "dataset": {f"field_v1{end}": f"field_white{end}" for end in ("", "_combined", "_headland", "_ruts", "_vibration")},
+    "dataset": {f"field_v1{end}": f"field_white{end}" for end in ("", "_ruts")},
     "disturbance": {"bias": "imu_bias"},
     "filter": {"baseline_naive": "baseline_untuned"},
     "noise": {"naive": "untuned", "own": "default"},

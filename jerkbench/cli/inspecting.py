@@ -34,7 +34,7 @@ def _tables(arguments: argparse.Namespace) -> list[Path]:
         return paths
     if getattr(arguments, "preset", None) is not None or len(paths) > 1:
         other = next((path for path in paths if path not in tables), paths[0])
-        needed = "tables (.csv, .pos, NMEA, GPX, JSON of gpsd) without --dataset"
+        needed = "tables (.csv, .pos, NMEA, GPX) without --dataset"
         raise JerkbenchError(f"--preset and several files need {needed}; {other} is not such a table.")
     return []
 
@@ -102,8 +102,7 @@ def inspect_command(arguments: argparse.Namespace) -> None:
     if not isinstance(dataset, BagOptions):
         _describe(dataset.load(arguments.seed), dataset, arguments.figure)
         return
-    from jerkbench.io.bag import open_bag
-    from jerkbench.io.bag_survey import survey
+    from jerkbench.io.bag import open_bag, survey
 
     with open_bag(dataset.path) as bag:
         print(*survey(bag), "", sep="\n")
@@ -139,20 +138,19 @@ def _save(figure: "Figure", path: Path) -> None:
     print(f"Figure: {path}")
 
 
-@command(*SOURCE_ARGUMENTS, argument("--figure", type=Path, metavar="FILE", help="draw the errors (.png, .pdf)"))
+@command(*SOURCE_ARGUMENTS)
 def receiver_command(arguments: argparse.Namespace) -> None:
     """Compare the reported covariance of a receiver with its errors, and recommend filter settings.
 
-      jerkbench data receiver drive.bag --figure receiver.png
+      jerkbench data receiver drive.bag
       jerkbench data receiver field --set duration_s=60 --seed 1
 
     Raises:
-        JerkbenchError: There are too few fixes, or the format of the figure is unknown.
+        JerkbenchError: There are too few fixes.
     """
-    from jerkbench.inspection.receiver import HEADER, advice, receiver_errors, receiver_figure, table_rows
+    from jerkbench.inspection.receiver import HEADER, advice, receiver_errors, table_rows
     from jerkbench.report.terminal import print_grid
 
-    _require_figure(arguments.figure)
     recording = dataset_of(arguments.source, arguments.dataset, arguments.set).load(arguments.seed)
     errors = receiver_errors(recording)
     if errors is None:
@@ -160,8 +158,6 @@ def receiver_command(arguments: argparse.Namespace) -> None:
     compared = f"compared with {errors.source}" if errors.source else "compared with each other"
     title = f"{recording.name}: a fix every {errors.step_s:.3g} s, {compared}"
     print_grid(title, HEADER, list(table_rows(errors)), list(advice(errors)))
-    if arguments.figure is not None:
-        _save(receiver_figure(recording, errors), arguments.figure)
 
 
 def _require_figure(path: Path | None) -> None:
@@ -171,20 +167,21 @@ def _require_figure(path: Path | None) -> None:
 
 @command(
     *SEVERAL_SOURCES,
-    argument("--to", default="gpx", metavar="FILE", help="the track: a file (.gpx, .kml, .tum), or its suffix"),
+    argument("--to", default="gpx", metavar="FILE", help="the track: a file (.gpx, .tum), or its suffix"),
     argument("--figure", type=Path, metavar="FILE", help="draw the fixes and the track (.png, .pdf)"),
 )
 def smooth_command(arguments: argparse.Namespace) -> None:
     """Smooth the fixes of a log, without an IMU. The smoother is tuned on the same log.
 
       jerkbench smooth ride.gpx --to smooth.gpx --figure smooth.png
-      jerkbench smooth field --set duration_s=60 --to kml
+      jerkbench smooth field --set duration_s=60 --to tum
 
     Raises:
         JerkbenchError: There are too few fixes, the file already exists, or its suffix is unknown.
     """
+    from jerkbench.inspection.facts import overview_figure
     from jerkbench.inspection.guessing import guess_tables
-    from jerkbench.inspection.smoothing import smooth_fixes, track_figure, track_lines
+    from jerkbench.inspection.smoothing import smooth_fixes, track_lines
     from jerkbench.io.writing import TRAJECTORIES
 
     _require_figure(arguments.figure)
@@ -202,4 +199,4 @@ def smooth_command(arguments: argparse.Namespace) -> None:
         print(line)
     print(f"Track: {target}")
     if arguments.figure is not None:
-        _save(track_figure(track), arguments.figure)
+        _save(overview_figure(track.recording), arguments.figure)

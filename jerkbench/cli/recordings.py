@@ -24,7 +24,6 @@ FOLDER_PATTERNS = {
     "RTK1105.csv": "tokyo_1105",
     "goGPS_WLS.csv": "pixel4",
     "GPSRaw.dat": "beijing_car",
-    "GroundTruthAGL.csv": "zurich_mav",
 }
 """The data set or preset that reads a folder, by the pattern of a file in the folder."""
 
@@ -103,8 +102,7 @@ TARGETS = {
     ".csv": "table",
     ".parquet": "table",
     ".tum": "trajectory as text",
-    ".kml": "trajectory on the Earth",
-    ".gpx": "trajectory on the Earth with times",
+    ".gpx": "trajectory on the Earth",
 }
 
 
@@ -118,7 +116,7 @@ def convert_command(arguments: argparse.Namespace) -> None:
     """Write a recording as a ROS bag, a table or a trajectory.
 
     Suffixes of TARGET: .bag (ROS 1 bag), .db3 (ROS 2 bag, sqlite3), .mcap (ROS 2 bag, mcap), .csv (table), .parquet
-    (table), .tum (trajectory as text), .kml (trajectory on the Earth), .gpx (trajectory on the Earth with times)
+    (table), .tum (trajectory as text), .gpx (trajectory on the Earth)
 
       jerkbench data convert field drive.bag --set duration_s=30
       jerkbench data convert drive.bag drive.csv --coordinates ned
@@ -132,7 +130,7 @@ def convert_command(arguments: argparse.Namespace) -> None:
         from jerkbench.io.writing import write_table
 
         write_table(recording, target, arguments.coordinates)
-    elif target.suffix in (".tum", ".kml", ".gpx"):
+    elif target.suffix in (".tum", ".gpx"):
         from jerkbench.io.writing import TRAJECTORIES
 
         TRAJECTORIES[target.suffix](recording, target, arguments.stream)

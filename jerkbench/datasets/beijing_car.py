@@ -8,9 +8,9 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_positive
 from jerkbench.errors import RecordingError
-from jerkbench.io.columns import read_columns
+from jerkbench.io.columns import Columns, read_columns
 from jerkbench.io.files import FromFiles, find_file
-from jerkbench.io.text import TextFormat, parse_numbers, read_lines
+from jerkbench.io.text import Line, TextFormat, read_lines
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference, Velocity
 
@@ -45,12 +45,15 @@ def read_epochs(path: Path) -> tuple[FloatArray, FloatArray]:
     return _numbers(path, fvi, FVI_FIELDS), _numbers(path, gst, GST_FIELDS)[:, [1, 0, 2]]
 
 
-def _numbers(path: Path, lines: list[tuple[int, str]], fields: tuple[int, ...]) -> FloatArray:
-    selected = [(line[0], " ".join(_field(path, line, k) for k in fields)) for line in lines]
-    return parse_numbers(path, selected, len(fields))
+def _numbers(path: Path, lines: list[Line], fields: tuple[int, ...]) -> FloatArray:
+    import pandas as pd
+
+    rows = [[_field(path, line, k) for k in fields] for line in lines]
+    table = pd.DataFrame(rows, [number - 1 for number, _ in lines], list(map(str, fields)))
+    return Columns(str(path), table).finite(list(table.columns))
 
 
-def _field(path: Path, line: tuple[int, str], k: int) -> str:
+def _field(path: Path, line: Line, k: int) -> str:
     number, text = line
     fields = text.partition("*")[0].split(",")
     if len(fields) <= k:

@@ -8,8 +8,9 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative, require_positive
 from jerkbench.errors import PluginError, RecordingError
+from jerkbench.io.columns import read_columns
 from jerkbench.io.files import fingerprint
-from jerkbench.io.text import parse_numbers, read_lines, require_increasing
+from jerkbench.io.text import TextFormat
 from jerkbench.plugins import register
 from jerkbench.random_streams import stream
 from jerkbench.recording import Recording
@@ -155,11 +156,9 @@ def _require_path(waypoints_m: tuple[tuple[float, ...], ...]) -> None:
 
 def _read_table(path: Path) -> FloatArray:
     """Return the rows (k, 4) of a trajectory file: t [s], east, north, up [m]."""
-    lines = read_lines(path)
-    if any(letter in lines[0][1] for letter in "tTeEnNxX") and not lines[0][1].lstrip(" +-.")[:1].isdigit():
-        lines = lines[1:]
-    table = parse_numbers(path, lines, 4, ",")
-    require_increasing(path, lines, table[:, 0], "the time")
+    columns = read_columns([path], TextFormat())
+    table = columns.finite("1234")
+    columns.stamped(columns.stamps_ns("1", "s")).require_increasing()
     if len(table) < 4:
         raise RecordingError(f"{path} has {len(table)} positions; a spline needs at least 4 positions.")
     return table

@@ -1,12 +1,13 @@
 """The data set `rtklib`: a real drive, which is read from a solution of RTKLIB and the log of an IMU."""
 
+import struct
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray, require_choices, require_lengths
-from jerkbench.errors import PluginError
+from jerkbench.errors import PluginError, RecordingError
 from jerkbench.io.clocks import GPST_MINUS_UTC_S, utc_of, velocity_when_true, with_common_time
 from jerkbench.io.columns import Columns, read_columns
 from jerkbench.io.files import FromFiles, find_file, named_folder
@@ -26,11 +27,10 @@ from jerkbench.io.rtklib import (
     POS_VELOCITY,
     POS_VELOCITY_COVARIANCE,
     is_ellipsoidal,
-    read_imu_log,
 )
-from jerkbench.io.sanitiser import imu_in_body, steady_rows
-from jerkbench.io.table import accepted, covariances_of
-from jerkbench.io.text import TextFormat
+from jerkbench.io.sanitiser import imu_in_body, possible_rows, steady_rows
+from jerkbench.io.table import accepted, covariances_of, without_cut_times
+from jerkbench.io.text import TextFormat, read_bytes
 from jerkbench.plugins import register
 from jerkbench.recording import Origin, Position, Recording, Reference, Velocity
 
@@ -124,8 +124,8 @@ class RtklibDrive(FromFiles):
         columns = read_columns((pos_path,), TextFormat(), self.gpst_minus_utc_s)
         of_file, quality = columns.notes, columns.numbers([POS_QUALITY])[:, 0]
         columns = columns.only(accepted(str(pos_path), quality, self.accepted_quality, "accepted_quality"))
-        log = read_imu_log(imu_path, tag_path)
-        zero_ns = log.start_gpst_ns + round(self.imu_shift_s * 1e9)
+        start_ns, imu_s, samples = read_imu_log(imu_path, tag_path)
+        zero_ns = start_ns + round(self.imu_shift_s * 1e9)
         t_s = np.asarray((_gpst_ns(columns, self.gpst_minus_utc_s) - zero_ns) * 1e-9, dtype=np.float64)
         places = columns.numbers(POS_POSITION)
         steady, leaps = steady_rows(pos_path.name, t_s, places)
@@ -133,11 +133,11 @@ class RtklibDrive(FromFiles):
         origin = Origin(*places[0].tolist())
         position = Position(t_s, in_enu(places, "geodetic", origin), _covariances(columns, POS_COVARIANCE))
         speed_mps = _ground_speed(columns, position)
-        rest_s = first_rest_s(t_s, speed_mps, log.t_s[-1]) if self.rest_s is None else self.rest_s
+        rest_s = first_rest_s(t_s, speed_mps, imu_s[-1]) if self.rest_s is None else self.rest_s
         turn = body_from_sensor(self.imu_axis_signs, self.mounting_yaw_deg, self.mounting_pitch_deg)
         turn = turn @ axes_matrix(self.imu_axes)
-        units = self.accel_unit, self.gyro_unit
-        imu, of_imu = imu_in_body(str(imu_path), log.t_s, log.accel, log.gyro, units, turn)
+        measured, units = (samples.numbers(LOG_ACCEL), samples.numbers(LOG_GYRO)), (self.accel_unit, self.gyro_unit)
+        imu, of_imu = imu_in_body(str(imu_path), imu_s, *measured, units, turn)
         imu = calibrated_at_rest(imu, rest_s, gyro=self.remove_gyro_bias, accel=self.scale_accel_to_gravity)
         source, moves = "the receiver's own fixes", speed_mps >= self.min_speed_mps
         recording = Recording(
@@ -151,7 +151,7 @@ class RtklibDrive(FromFiles):
             static_start_s=rest_s,
             notes=(
                 *of_imu,
-                *log.notes,
+                *samples.notes,
                 *leaps,
                 *of_file,
                 *HEIGHTS[is_ellipsoidal(pos_path)],
@@ -167,6 +167,76 @@ class RtklibDrive(FromFiles):
         pos = find_file(folder, self.position_file, ".pos", "position_file")
         imu = find_file(folder, self.imu_file, ".csv", "imu_file")
         return pos, imu, find_file(folder, self.tag_file or f"{imu.name}.tag", ".tag", "tag_file")
+
+
+# The log of an IMU, and the time tag (.tag) that RTKLIB writes with it, with the start and the duration of the log.
+
+_MAGIC = b"TIMETAG RTKLIB"
+_START = struct.Struct("<60xIId")  # header of 60 bytes, tick, time_t, fraction of a second
+_RECORD = struct.Struct("<II")  # tick [ms since the start], position in the stream's file
+
+
+def read_time_tag(path: Path) -> tuple[int, float]:
+    """Return the start of a stream by the logger's clock (GPST since 1970 [ns]), and the duration of the stream [s].
+
+    A time tag is a little-endian binary file with a header of 60 bytes, u32 tick, u32 time_t, f64 fraction, and then
+    the records (u32 ms, u32 filepos).
+
+    Raises:
+        RecordingError: the file does not exist, is empty, is not a time tag, or is truncated.
+    """
+    content = read_bytes(path)
+    if not content.startswith(_MAGIC):
+        raise RecordingError(f"{path} does not begin with '{_MAGIC.decode()}'; it must be a time tag of RTKLIB.")
+    records, excess = divmod(len(content) - _START.size, _RECORD.size)
+    if records < 1 or excess:
+        raise RecordingError(
+            f"{path} has {len(content)} bytes, but a time tag has {_START.size} bytes and {_RECORD.size} more bytes for"
+            " each record. The file is truncated; copy the file again."
+        )
+    _, seconds, fraction = _START.unpack_from(content)
+    if not 0.0 <= fraction < 1.0:
+        raise RecordingError(f"{path}: the fractional second of the start is {fraction}; it must lie in [0, 1).")
+    last_ms, _ = _RECORD.unpack_from(content, len(content) - _RECORD.size)
+    if last_ms == 0:
+        raise RecordingError(f"{path}: the last record is at 0 ms, so the time tag is empty; use another time tag.")
+    start_ns = seconds * 1_000_000_000 + round(fraction * 1e9)
+    possible_rows(path.name, utc_ns=[start_ns])
+    return start_ns, last_ms * 1e-3
+
+
+CLOCKS_AGREE = 0.01
+"""Maximum relative difference of the durations by the sensor's and the logger's clock. A time tag with a larger
+difference belongs to another recording."""
+
+LOG_ACCEL, LOG_GYRO, LOG_MS = ("1", "2", "3"), ("4", "5", "6"), "7"
+"""Columns of an IMU log."""
+
+
+def read_imu_log(path: Path, tag_path: Path) -> tuple[int, FloatArray, Columns]:
+    """Return the GPS time of the first sample [ns since 1970], the times since this sample [s], and the samples.
+
+    A truncated first or last line is dropped, even if only the time in the last column is truncated.
+
+    The clock of the sensor (column ms) drifts, so its times are scaled to the duration in the time tag. The time since
+    the start is t = (ms - ms[0]) total / (ms[-1] - ms[0]), where total is this duration.
+
+    Raises:
+        RecordingError: a file is missing, empty or damaged, or the two files belong to different recordings. For a
+            damaged row, the error message contains the number of the row.
+    """
+    columns = read_columns((path,), TextFormat(header=False))
+    columns = without_cut_times(columns.stamped(columns.stamps_ns(LOG_MS, "ms")))
+    columns.finite((*LOG_ACCEL, *LOG_GYRO))
+    columns.require_increasing()
+    start_ns, total_s = read_time_tag(tag_path)
+    t_s = columns.t_s(int(columns.t_ns[0]))
+    if abs(t_s[-1] - total_s) > CLOCKS_AGREE * total_s:
+        raise RecordingError(
+            f"{path} covers {t_s[-1]:.3f} s, but its time tag {tag_path.name} covers {total_s:.3f} s;"
+            " use the time tag of the same recording, and check that neither file is truncated."
+        )
+    return start_ns, t_s * (total_s / t_s[-1]), columns
 
 
 # The speed, the velocities and the covariances in the solution, and the notes of the recording.

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
@@ -32,7 +31,6 @@ from jerkbench.report.plots.style import (
     REFERENCE,
     SHADE,
     literal,
-    say,
     style_axes,
 )
 
@@ -215,50 +213,60 @@ def yaw_line(recording: Recording) -> str:
     return f"yaw: from the course of {len(selected.t_s)} velocities above {tilt.course_min_speed_mps:g} m/s"
 
 
-# Overview figure of a recording: track, speed, IMU measurements, and stated sigmas of the receiver.
+# Overview figure of a recording: track, speed, IMU measurements, stated sigmas of the receiver, Allan deviation.
 
 MAX_POINTS = 4000
 """Maximum number of points of a line; more points are not visible at the size of the figure."""
 
+_TRACK, _SPEED, _SIGMA, _ALLAN = "North [m]", "Speed [m/s]", "Stated sigma of position [m]", "Allan deviation at rest"
+"""Labels of the panels that are not simple plots over time."""
 
 _Line = tuple[FloatArray, FloatArray, dict[str, Any]]
 """The coordinates of the points of a line, and its style for matplotlib."""
 
 
 def overview_figure(recording: Recording) -> Figure:
-    """Draw a figure with six panels: track, speed, specific force, angular rate, stated sigmas, Allan deviation."""
-    figure = Figure(figsize=(10.0, 9.0), dpi=DOTS_PER_INCH, layout="constrained")
-    track, speed, force, rate, sigma, allan = figure.subplots(3, 2).ravel()
+    """Draw a figure with a panel for each quantity that the recording has."""
+    panels = {label: lines for label, lines in _panels(recording).items() if lines}
+    rows = (len(panels) + 1) // 2
+    figure = Figure(figsize=(10.0, 3.0 * max(rows, 1)), dpi=DOTS_PER_INCH, layout="constrained")
+    for k, (label, lines) in enumerate(panels.items()):
+        axes = figure.add_subplot(rows, 2, k + 1)
+        axes.set(ylabel=label, xlabel={_TRACK: "East [m]", _ALLAN: "Averaging time [s]"}.get(label, "Time [s]"))
+        for x, y, style in lines:
+            every = 1 if "marker" in style else max(1, len(x) // MAX_POINTS)
+            axes.plot(x[::every], y[::every], **style)
+        style_axes(axes)
+        axes.legend(frameon=False, fontsize="small")
+        if label == _TRACK:
+            axes.set_aspect("equal", adjustable="datalim")
+        elif label == _ALLAN:
+            axes.set(xscale="log", yscale="log")
+        else:
+            for begin, end in recording.outages_s:
+                axes.axvspan(begin, end, color=SHADE, alpha=0.28, linewidth=0)
+        if label in (_SPEED, _SIGMA):
+            axes.set_ylim(bottom=0.0)
+    figure.suptitle(literal(recording.name))
+    return figure
+
+
+def _panels(recording: Recording) -> dict[str, list[_Line]]:
+    """Return the lines of each panel, by the label of its vertical axis."""
     imu, position, noise = recording.imu, recording.position, rest_noise(recording, longest_rest(recording))
-    forces = rates = sigmas = deviations = list[_Line]()
+    track, speed = _lines_of_track(recording)
+    panels = {_TRACK: track, _SPEED: speed}
     if imu is not None:
-        forces = _lines_of_axes(imu.t_s, imu.accel_mps2, _AXES["body"], 0.5)
-        rates = _lines_of_axes(imu.t_s, np.degrees(imu.gyro_radps), _AXES["body"], 0.5)
+        panels["Specific force [m/s²]"] = _lines_of_axes(imu.t_s, imu.accel_mps2, _AXES["body"], 0.5)
+        panels["Angular rate [deg/s]"] = _lines_of_axes(imu.t_s, np.degrees(imu.gyro_radps), _AXES["body"], 0.5)
     if position is not None:
         variances = np.diagonal(position.covariance_m2, axis1=1, axis2=2)
         values = np.sqrt(np.where(np.isfinite(position.enu_m), variances, np.nan))
-        sigmas = _lines_of_axes(position.t_s, values, _AXES["enu"], 0.9)
+        panels[_SIGMA] = _lines_of_axes(position.t_s, values, _AXES["enu"], 0.9)
     if noise is not None:
         worst = np.column_stack([noise.gyro_radps.max(axis=1), noise.accel_mps2.max(axis=1)])
-        deviations = _lines_of_axes(noise.tau_s, worst, ("gyro [rad/s]", "accelerometer [m/s²]"), 1.5)
-        allan.set(xscale="log", yscale="log")
-    lines_of_track, lines_of_speed = _lines_of_track(recording)
-    _draw(track, lines_of_track, "The recording has no position.", "North [m]", "East [m]")
-    _draw(speed, lines_of_speed, "The recording has no velocity.", "Speed [m/s]")
-    _draw(force, forces, "The recording has no IMU.", "Specific force [m/s²]")
-    _draw(rate, rates, "The recording has no IMU.", "Angular rate [deg/s]")
-    _draw(sigma, sigmas, "The recording has no position.", "Stated sigma of position [m]")
-    _draw(allan, deviations, "No rest of 5 s was stated or found.", "Allan deviation at rest", "Averaging time [s]")
-    if lines_of_track:
-        track.set_aspect("equal", adjustable="datalim")
-    for axes, lines in ((speed, lines_of_speed), (sigma, sigmas)):
-        if lines:
-            axes.set_ylim(bottom=0.0)
-    for axes in (speed, force, rate, sigma):
-        for begin, end in recording.outages_s:
-            axes.axvspan(begin, end, color=SHADE, alpha=0.28, linewidth=0)
-    figure.suptitle(literal(recording.name))
-    return figure
+        panels[_ALLAN] = _lines_of_axes(noise.tau_s, worst, ("gyro [rad/s]", "accelerometer [m/s²]"), 1.5)
+    return panels
 
 
 def _lines_of_axes(t_s: FloatArray, values: FloatArray, names: tuple[str, ...], width: float) -> list[_Line]:
@@ -286,16 +294,3 @@ def _lines_of_track(recording: Recording) -> tuple[list[_Line], list[_Line]]:
         style = {"color": REFERENCE, "linewidth": 0.7, "linestyle": "--", "label": "reference"}
         speed.append((reference.t_s, np.linalg.norm(reference.velocity_mps[:, :2], axis=1), style))
     return track, speed
-
-
-def _draw(axes: Axes, lines: list[_Line], none: str, ylabel: str, xlabel: str = "Time [s]") -> None:
-    """Draw the ``lines``, or the text ``none`` if there are no lines."""
-    axes.set(xlabel=xlabel, ylabel=ylabel)
-    for x, y, style in lines:
-        every = 1 if "marker" in style else max(1, len(x) // MAX_POINTS)
-        axes.plot(x[::every], y[::every], **style)
-    style_axes(axes)
-    if lines:
-        axes.legend(frameon=False, fontsize="small")
-    else:
-        say(axes, none)

@@ -85,8 +85,7 @@ class GuessedTable(NamedTuple):
 
     Attributes:
         path: path of the file.
-        separator: separator of the columns; None for formats without a separator (NMEA, GPX, JSON of gpsd, .pos of
-            RTKLIB).
+        separator: separator of the columns; None for formats without a separator (NMEA, GPX, .pos of RTKLIB).
         columns: content of the file.
         names: column names whose meaning is known.
     """

@@ -6,13 +6,11 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.inspection.evidence import mostly_gaps
 from jerkbench.inspection.noise import FAST_SHARE, MAX_FIX_GAP_S, second_difference, truth_at
 from jerkbench.recording import Recording
-from jerkbench.report.plots.style import DOTS_PER_INCH, literal, say, style_axes
 
 _AXES = ("east", "north", "up")
 LEVELS_M = (0.0, 0.05, 0.5, 5.0, np.inf)
@@ -70,7 +68,6 @@ class ReceiverErrors:
         lags_s: (k,) lags of the autocorrelation [s].
         correlation: (k, 3) autocorrelation of the error of each axis; empty without a reference, or if the stamps of
             the fixes have too many gaps.
-        standardised: (n, 3) errors about their median, divided by the declared sigmas.
     """
 
     source: str
@@ -78,7 +75,6 @@ class ReceiverErrors:
     axes: tuple[AxisErrors, ...]
     lags_s: FloatArray
     correlation: FloatArray
-    standardised: FloatArray
 
     @property
     def overall(self) -> tuple[AxisErrors, ...]:
@@ -126,7 +122,7 @@ def receiver_errors(recording: Recording) -> ReceiverErrors | None:
     step_s = float(np.median(np.diff(t_s)))
     lags_s, correlation = _autocorrelation(t_s, centred_m, step_s, compared)
     source = recording.reference.source if compared.any() else ""
-    return ReceiverErrors(source, step_s, axes, lags_s, correlation, (centred_m / sigma_m)[compared])
+    return ReceiverErrors(source, step_s, axes, lags_s, correlation)
 
 
 def _axis(level: str, axis: int, sigma_m: FloatArray, second_m: FloatArray, error_m: FloatArray) -> AxisErrors:
@@ -219,33 +215,3 @@ def horizontal_and_up(axes: Sequence[AxisErrors]) -> tuple[float, float]:
     east, north, up = (axis.factor for axis in axes)
     horizontal = float(np.sqrt(0.5 * (east**2 + north**2)))
     return horizontal, up or horizontal  # a factor of 0 means that the height is constant and was not measured
-
-
-def receiver_figure(recording: Recording, errors: ReceiverErrors) -> Figure:
-    """Draw the sizes of the errors against the sizes expected from the declared sigmas, and the autocorrelation."""
-    from scipy.special import ndtri
-
-    figure = Figure(figsize=(9.0, 4.0), dpi=DOTS_PER_INCH, layout="constrained")
-    sizes, memory = figure.subplots(1, 2)
-    for axis, name in enumerate(_AXES if errors.source else ()):
-        size = np.sort(np.abs(errors.standardised[np.isfinite(errors.standardised[:, axis]), axis]))
-        expected = ndtri(0.5 + (np.arange(len(size)) + 0.5) / (2 * len(size)))
-        sizes.loglog(expected, np.maximum(size, 1e-4), label=name)
-        memory.plot(errors.lags_s, errors.correlation[:, axis], label=name)
-    if errors.source:
-        sizes.loglog([0.01, 4], [0.01, 4], color="0.5", linestyle="--", label="as declared")
-        memory.axhline(np.exp(-1.0), color="0.5", linestyle="--", label="1/e")
-        for axes in (sizes, memory):
-            axes.legend(frameon=False, fontsize="small")
-        sizes.set(xlim=(0.01, 5), ylim=(0.005, None))
-        longest_s = np.nanmax([*errors.memory_s, errors.step_s])
-        memory.set_xlim(0, min(10 * longest_s, errors.lags_s.max(initial=longest_s)))
-    else:
-        say(sizes, "There is no reference.")
-        say(memory, "There is no reference.")
-    sizes.set(xlabel="Expected |error| / declared sigma", ylabel="Measured |error| / declared sigma")
-    memory.set(xlabel="Lag [s]", ylabel="Autocorrelation of the error")
-    for axes in (sizes, memory):
-        style_axes(axes)
-    figure.suptitle(literal(recording.name))
-    return figure

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy.optimize import minimize
 from scipy.special import gammaln
 
@@ -19,7 +18,6 @@ from jerkbench.filters.rts import SmoothedFixes
 from jerkbench.inspection.noise import MAX_FIX_GAP_S, truth_at
 from jerkbench.parameters import ranges_of
 from jerkbench.recording import THE_FIXES, Position, Recording, Reference
-from jerkbench.report.plots.style import DOTS_PER_INCH, literal, style_axes
 from jerkbench.timeline import build_timeline
 
 MIN_FIXES = 10
@@ -57,7 +55,6 @@ class SmoothedTrack:
         smoother: the smoother with the estimated noise parameters.
         sigma_scale: estimated factor on the declared sigmas of the fixes.
         freedom: degrees of freedom of Student's t distribution of the errors of the fixes.
-        fixes_m: (n, 3) positions of the fixes [m].
         distance_m: (n,) distance of each fix from the smoothed track [m].
         error_m: 3-D RMSE of the fixes and of the track relative to the reference of the log [m]; None without a
             reference.
@@ -68,7 +65,6 @@ class SmoothedTrack:
     smoother: SmoothedFixes
     sigma_scale: float
     freedom: float
-    fixes_m: FloatArray
     distance_m: FloatArray
     error_m: tuple[float, float] | None
     source: str
@@ -109,7 +105,7 @@ def smooth_fixes(recording: Recording) -> SmoothedTrack:
     fixes_m, track_m = (float(np.sqrt(np.mean(error_m[known] ** 2))) if known.any() else 0.0 for error_m in errors_m)
     error_m = (fixes_m, track_m) if fixes_m else None  # None if the reference is a copy of the fixes
     setting, source = (smoother, scale, freedom), recording.reference.source
-    return SmoothedTrack(replace(fixes_only, reference=track), *setting, position.enu_m, distance_m, error_m, source)
+    return SmoothedTrack(replace(fixes_only, reference=track), *setting, distance_m, error_m, source)
 
 
 def _robust(fixes_only: Recording, smoother: SmoothedFixes, scale: float, freedom: float) -> Estimate:
@@ -205,7 +201,7 @@ def surprises(updates: Updates, nu: float) -> FloatArray:
     return np.asarray(0.5 * updates.log_det + 0.5 * (nu + d) * np.log1p(updates.nis / nu) + constant)
 
 
-# Text and figure that show a smoothed track.
+# Text about a smoothed track.
 
 
 def track_lines(track: SmoothedTrack) -> Iterator[str]:
@@ -219,23 +215,3 @@ def track_lines(track: SmoothedTrack) -> Iterator[str]:
     if track.error_m is not None:
         fixes_m, track_m = track.error_m
         yield f"3-D RMSE against {track.source}: fixes {fixes_m:.3g} m, track {track_m:.3g} m."
-
-
-def track_figure(track: SmoothedTrack) -> Figure:
-    """Draw the horizontal positions of the fixes and of the track, and the distance of each fix from the track."""
-    figure = Figure(figsize=(9.0, 4.5), dpi=DOTS_PER_INCH, layout="constrained")
-    plane, distance = figure.subplots(1, 2)
-    places = np.asarray(track.recording.reference.enu_m)
-    low, high = places.min(axis=0), places.max(axis=0)  # limits without outliers, which would shrink the track
-    margin = 0.1 * (high - low).max() + 1.0
-    plane.plot(*track.fixes_m.T[:2], linestyle="none", marker=".", markersize=2.5, color="0.6", label="fixes")
-    plane.plot(*places.T[:2], linewidth=1.2, label="track")
-    plane.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin), aspect="equal")
-    plane.set(xlabel="East [m]", ylabel="North [m]")
-    plane.legend(frameon=False, fontsize="small")
-    distance.semilogy(track.recording.reference.t_s, track.distance_m, linestyle="none", marker=".", markersize=2.5)
-    distance.set(xlabel="Time [s]", ylabel="Distance of a fix from the track [m]")
-    for axes in (plane, distance):
-        style_axes(axes)
-    figure.suptitle(literal(track.recording.name))
-    return figure

@@ -3,8 +3,8 @@
 Tables: `text`, `tracks`, `rtklib` and `columns` read tables, and `column_names` contains the column names of common
 loggers. `frames` converts values to ENU and to body axes, and `table` creates the streams of a recording.
 
-Bags: `bag` reads messages, `bag_topics` assigns roles to topics, `bag_cleaning` drops or repairs damaged messages, and
-`bag_dataset` creates the recording. `bag_writing` writes bags, and `bag_survey` describes the topics of a bag.
+Bags: `bag` reads messages and describes topics, `bag_topics` assigns roles to topics, `bag_cleaning` drops or repairs
+damaged messages, and `bag_dataset` creates the recording. `bag_writing` writes bags.
 
 `clocks` converts times, and `sanitiser` contains the checks of all readers. `trajectory` reads trajectories, and
 `writing` exports recordings.

@@ -11,7 +11,6 @@ import numpy as np
 from jerkbench.arrays import (
     BoolArray,
     FloatArray,
-    nearest_rows,
     require_choices,
     require_lengths,
     require_not_negative,
@@ -65,7 +64,7 @@ _CHOICES = {
     "accel_unit": tuple(ACCEL_UNITS),
     "gyro_unit": tuple(GYRO_UNITS),
 }
-LENGTHS: dict[str, tuple[int, ...]] = dict.fromkeys(("mounting_deg", "lever_arm_m", "velocity_latency_s"), (3,))
+LENGTHS: dict[str, tuple[int, ...]] = dict.fromkeys(("mounting_deg", "velocity_latency_s"), (3,))
 LENGTHS |= dict.fromkeys(("position_sigma_m", "velocity_sigma_mps"), (0, 3))
 
 
@@ -93,8 +92,6 @@ class BagOptions:
         gyro_unit: unit of the angular rate: deg/s or rad/s.
         imu_axes: axes of the IMU that point forward, left and up, for example [x, y, z] or [-z, -x, y].
         mounting_deg: small rotation (roll, pitch, yaw) from the body axes to the axes that ``imu_axes`` defines [deg].
-        lever_arm_m: vector (forward, left, up) from the body's reference point to the antenna [m]. A lever arm that is
-            not zero requires a reference with an attitude.
         covariance_order: order of the axes in the covariance of a NavSatFix: enu (by the definition of the message) or
             neu (as Fixposition writes the covariance).
         position_sigma_m: standard deviations (east, north, up) of fixes without covariance [m], or empty to use the
@@ -120,7 +117,6 @@ class BagOptions:
     gyro_unit: str = "rad/s"
     imu_axes: tuple[str, ...] = ("x", "y", "z")
     mounting_deg: tuple[float, ...] = (0.0, 0.0, 0.0)
-    lever_arm_m: tuple[float, ...] = (0.0, 0.0, 0.0)
     covariance_order: str = "enu"
     position_sigma_m: tuple[float, ...] = ()
     velocity_sigma_mps: tuple[float, ...] = ()
@@ -239,7 +235,7 @@ class _Assembly:
             name=metadata.name if metadata else options.path.stem,
             imu=calibrated_at_rest(imu, rest_s, gyro=options.remove_gyro_bias, accel=options.scale_accel_to_gravity),
             reference=reference,
-            position=None if position is None else _at_body(position, reference, options.lever_arm_m),
+            position=position,
             velocity=velocity,
             heading=self.heading(),
             origin=self.origin,
@@ -389,22 +385,3 @@ class _Assembly:
         listed = {topic: f"{', '.join(roles[:-1])} and {roles[-1]}" for topic, roles in sharing.items() if roles[1:]}
         note = "{} are of the same topic, {}: they are not independent."
         return tuple(note.format(roles.capitalize(), topic) for topic, roles in listed.items())
-
-
-def _at_body(position: Position, reference: Reference, lever_arm_m: tuple[float, ...]) -> Position:
-    """Convert fixes of the antenna to fixes of the body's reference point: p_body = p_antenna - C l.
-
-    C is the rotation matrix from the body frame to ENU, from the reference at the stamp nearest to the fix. l is the
-    lever arm.
-    """
-    if not any(lever_arm_m):
-        return position
-    if reference.euler_rad is None:
-        raise RecordingError(
-            "lever_arm_m needs the attitude of a reference, but the bag has no such attitude; set lever_arm_m to zero,"
-            " or use a filter with a lever arm (filter=eskf15)."
-        )
-    known = np.isfinite(reference.euler_rad).all(axis=1)
-    nearest = nearest_rows(reference.t_s[known], position.t_s)
-    omega = dcm_from_euler(reference.euler_rad[known][nearest])
-    return replace(position, enu_m=position.enu_m - omega @ np.array(lever_arm_m))

@@ -12,7 +12,6 @@ import numpy.typing as npt
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError, unknown
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS
-from jerkbench.io.rtklib import read_pos
 from jerkbench.io.sanitiser import (
     MAX_DATE_NS,
     MAX_NUMBERS,
@@ -263,6 +262,26 @@ class Columns:
             self._require(~(np.abs(column) > most), name, column, "{:g} is too large for a measurement")
         return table
 
+    def finite(self, names: Sequence[str]) -> FloatArray:
+        """Return the values (n, len(names)) of columns without empty cells.
+
+        Raises:
+            RecordingError: a column does not exist, or a cell is empty, not a finite number, or too large.
+        """
+        table = self.numbers(names)
+        for name, column in zip(names, table.T, strict=True):
+            self._require(np.isfinite(column), name, column, "'{}' is not a finite number")
+        return table
+
+    def require_increasing(self) -> None:
+        """Raise a RecordingError with the number of the first row whose stamp is not later than the previous stamp."""
+        back = np.flatnonzero(np.diff(self.t_ns) <= 0)
+        if back.size:
+            number = int(self._table.index[back[0] + 1]) + 1
+            raise RecordingError(
+                f"{self.where}, row {number}: the time is not later than in the row above; sort the rows."
+            )
+
     def stamps_ns(self, name: str, unit: str) -> IntArray:
         """Convert a column of times in ``unit`` to nanoseconds (n,), without rounding if the times are integers.
 
@@ -397,19 +416,18 @@ def read_columns(paths: Sequence[Path], text: TextFormat, gpst_minus_utc_s: floa
 
 
 def _read(path: Path, text: TextFormat, gpst_minus_utc_s: float) -> tuple["pd.DataFrame", tuple[str, ...]]:
+    from jerkbench.io.rtklib import read_pos  # a solution is computed from columns of the file
 
     if path.suffix == ".mat":
         return read_matlab(path), ()
-    if path.suffix == SOLUTION:
-        return read_pos(path, gpst_minus_utc_s)
     require_content(path)
-    if reader := track_reader(path):
+    if path.suffix != SOLUTION and (reader := track_reader(path)):
         return reader(path)
     kind = "Parquet" if path.suffix == ".parquet" else "text columns"
     try:
-        if path.suffix != ".parquet":
-            return read_text(path, text)
-        return _read_parquet(path), ()
+        if path.suffix == SOLUTION:
+            return read_pos(path, gpst_minus_utc_s)
+        return (_read_parquet(path), ()) if path.suffix == ".parquet" else read_text(path, text)
     except RecordingError:
         raise
     except Exception as error:  # for damaged files, pandas and pyarrow raise many types of exceptions

@@ -271,7 +271,7 @@ def accepted(where: str, quality: FloatArray, qualities: tuple[float, ...], para
     return rows
 
 
-def _without_cut_times(columns: Columns) -> Columns:
+def without_cut_times(columns: Columns) -> Columns:
     """Drop the first or the last row if its time is truncated, and add a note that counts the dropped rows.
 
     If the first digits of the first time are missing, the first time step is longer than the rest of the log. If the
@@ -346,7 +346,7 @@ class TimedColumns:
                 f"{columns.where} has {len(columns)} rows, but {self.time_file} has {len(t_ns)} times; the numbers must"
                 " be equal."
             )
-        columns = _without_cut_times(columns.stamped(t_ns + round(source.shift_s * 1e9)))
+        columns = without_cut_times(columns.stamped(t_ns + round(source.shift_s * 1e9)))
         epoch_ns = self._epoch_ns
         if epoch_ns is None or (columns.t_ns + epoch_ns < MIN_DATE_NS).all():  # the times are relative
             return columns

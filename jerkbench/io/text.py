@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -72,37 +71,6 @@ def read_lines(path: Path) -> list[Line]:
     return [(number, line) for number, line in enumerate(text.split("\n"), start=1) if line.strip()]
 
 
-def parse_numbers(path: Path, lines: list[Line], columns: int, separator: str | None = None) -> FloatArray:
-    """Return an array (n, columns) of the numbers in ``lines``. If ``separator`` is None, white space separates fields.
-
-    Raises:
-        RecordingError: ``lines`` is empty, or a line has a wrong number of fields or a field that is not finite.
-    """
-    if not lines:
-        raise RecordingError(f"{path} has no rows of data; {columns} columns of numbers are expected.")
-    table = np.empty((0, 0))
-    if any(text.strip() for _, text in lines):  # for empty input, NumPy would print a warning
-        with suppress(ValueError):
-            table = np.loadtxt([text for _, text in lines], delimiter=separator, comments=None, ndmin=2)
-    if table.shape != (len(lines), columns) or not (np.abs(table) <= MAX_NUMBER).all():
-        raise RecordingError(_first_fault(path, lines, columns, separator))
-    return table
-
-
-def require_increasing(path: Path, lines: list[Line], times: np.ndarray, quantity: str) -> None:
-    """Check that ``times`` increase from line to line.
-
-    Raises:
-        RecordingError: a time does not increase. The error message contains the number of the first line whose time
-            does not increase.
-    """
-    back = np.flatnonzero(np.diff(times) <= 0)
-    if back.size:
-        raise RecordingError(
-            f"{path}, line {lines[back[0] + 1][0]}: {quantity} does not increase; the line is damaged or out of order."
-        )
-
-
 def require_possible(where: str, values: FloatArray, most: float = MAX_NUMBER) -> None:
     """Check that no absolute value exceeds ``most``. NaN is allowed.
 
@@ -114,18 +82,6 @@ def require_possible(where: str, values: FloatArray, most: float = MAX_NUMBER) -
     if beyond.any():
         row = int(np.argmax(beyond.any(axis=1)))
         raise RecordingError(f"{where}, row {row + 1} has a value beyond {most:g}; it is damaged or in another unit.")
-
-
-def _first_fault(path: Path, lines: list[Line], columns: int, separator: str | None) -> str:
-    for number, text in lines:
-        fields = text.split(separator)
-        if len(fields) != columns:
-            return f"{path}, line {number} has {len(fields)} fields, but needs {columns}; correct or remove the line."
-        for column, entry in enumerate(fields, start=1):
-            if not (is_number(entry) and abs(float(entry)) <= MAX_NUMBER):
-                field = f"{path}, line {number}, field {column} is '{entry.strip()}'"
-                return f"{field}, which is not a finite number up to {MAX_NUMBER:g}; correct the field."
-    return f"{path} cannot be read as {columns} columns of numbers; copy the file again from its source."
 
 
 # The first and the last line of a log may be truncated, because the logger was switched on or off.
@@ -154,12 +110,6 @@ def cut_ends(lines: Sequence[str], separator: str | None) -> tuple[bool, bool]:
     after = [line.split(separator) for line in lines[: around + 1]]
     before = [line.split(separator) for line in lines[-around - 1 :]]
     return _cut(after[0], after[1:], 0), _cut(before[-1], before[:-1], -1)
-
-
-def complete_lines(path: Path, lines: list[Line], separator: str | None = None) -> tuple[list[Line], tuple[str, ...]]:
-    """Return ``lines`` without a truncated first or last line, and a note that counts the dropped lines."""
-    first, last = cut_ends([text for _, text in lines], separator)
-    return lines[first : len(lines) - last], cut_note(path.name, first=first, last=last)
 
 
 def cut_note(name: str, *, first: bool, last: bool) -> tuple[str, ...]:

@@ -1,11 +1,10 @@
-"""Readers of fixes in native formats of receivers (NMEA 0183, GPX, gpsd's JSON), for the data set `table`.
+"""Readers of fixes in native formats of receivers (NMEA 0183 and GPX), for the data set `table`.
 
 Each reader returns a table with the columns t (UTC), latitude, longitude [deg] and height [m]. If the format has them,
-the table also has sigma_east, sigma_north, sigma_up [m], hdop, quality, and ve, vn, vu [m/s]. Cells of missing values
-are empty.
+the table also has sigma_east, sigma_north, sigma_up [m], hdop, quality, and ve, vn [m/s]. Cells of missing values are
+empty.
 """
 
-import json
 import math
 import re
 from collections.abc import Callable
@@ -20,7 +19,7 @@ import numpy as np
 from jerkbench.errors import RecordingError
 from jerkbench.io.clocks import calendar_ns, ns_since_1970
 from jerkbench.io.sanitiser import possible_rows
-from jerkbench.io.text import read_bytes, read_lines, require_content
+from jerkbench.io.text import is_number, read_bytes, read_lines, require_content
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +31,7 @@ TrackRow = dict[str, Any]
 MPS_PER_KNOT = 1852.0 / 3600.0
 DAY_MS = 86_400_000
 _POSITION = ("latitude", "longitude", "height")
-ORDER = ("t", *_POSITION, "sigma_east", "sigma_north", "sigma_up", "hdop", "quality", "ve", "vn", "vu")
+ORDER = ("t", *_POSITION, "sigma_east", "sigma_north", "sigma_up", "hdop", "quality", "ve", "vn")
 
 
 MIXED = ".ubx"
@@ -49,25 +48,20 @@ def track_reader(path: Path) -> Callable[[Path], "TrackTable"] | None:
         head = file.read(400).lstrip(b"\xef\xbb\xbf \t\r\n")
     if re.match(rb"[$!][A-Z]{4,5},|\$P[A-Z]", head):
         return read_nmea
-    if head.startswith(b"<") and b"<gpx" in head:
-        return read_gpx
-    return read_gpsd if re.match(rb'\{\s*"class"\s*:', head) else None
+    return read_gpx if head.startswith(b"<") and b"<gpx" in head else None
 
 
-def _number(value: object) -> float | None:
+def _number(text: str | None) -> float | None:
     """Return the number in a field, or None if the field is not a finite number."""
-    try:
-        number = float(value) if isinstance(value, str | int | float) and "_" not in str(value)[:64] else math.nan
-    except (ValueError, OverflowError):
-        return None
+    number = float(text) if text and is_number(text) else math.nan
     return number if math.isfinite(number) else None
 
 
-def _utc_ns(value: object) -> int | None:
+def _utc_ns(text: str | None) -> int | None:
     """Convert an ISO 8601 date and time to nanoseconds since 1970, or to None if it is invalid."""
     try:
-        moment = datetime.fromisoformat(value) if isinstance(value, str) else None
-        return ns_since_1970(moment if moment.tzinfo else moment.replace(tzinfo=UTC)) if moment else None
+        moment = datetime.fromisoformat(text or "")
+        return ns_since_1970(moment if moment.tzinfo else moment.replace(tzinfo=UTC))
     except (ValueError, OverflowError):
         return None
 
@@ -185,7 +179,9 @@ def _rmc(fields: list[str]) -> TrackRow:
     if date := fields[9]:
         row["date"] = calendar_ns(f"20{date[4:]}-{date[2:4]}-{date[:2]}", "00:00:00")
     if speed is not None and (course is not None or speed == 0):
-        row["ve"], row["vn"] = _along(speed * MPS_PER_KNOT, course or 0.0)
+        course_rad = math.radians(course or 0.0)  # clockwise from north
+        row["ve"] = speed * MPS_PER_KNOT * math.sin(course_rad)
+        row["vn"] = speed * MPS_PER_KNOT * math.cos(course_rad)
     return row
 
 
@@ -203,12 +199,6 @@ GNS_QUALITY = {"A": 1.0, "D": 2.0, "R": 4.0, "F": 5.0}
 
 READ = {"GGA": (12, _fix), "GNS": (11, _fix), "RMC": (10, _rmc), "GST": (9, _gst), "ZDA": (5, _zda)}
 """Minimum number of fields of each sentence, and the function that parses them."""
-
-
-def _along(speed_mps: float, course_deg: float) -> tuple[float, float]:
-    """Return the east and north components of a speed, where the course is clockwise from north."""
-    course = np.radians(course_deg)
-    return float(speed_mps * np.sin(course)), float(speed_mps * np.cos(course))
 
 
 # GPX 1.0 and 1.1. The points of all tracks become the rows of one table.
@@ -240,48 +230,3 @@ def read_gpx(path: Path) -> "TrackTable":
 def _tag(node: ET.Element) -> str:
     """Return the name of an element without its namespace."""
     return node.tag.rpartition("}")[2]
-
-
-# JSON of gpsd (`gpspipe -w`). Only reports of the class TPV (time, position, velocity) are read.
-
-TPV = dict(
-    zip(
-        ORDER,
-        ["time", "lat", "lon", "altHAE,alt,altMSL", "epx", "epy", "epv", "-", "-", "velE", "velN", "climb"],
-        strict=True,
-    )
-)
-"""Keys of each column in a report; the first existing key is used. gpsd does not define the meaning of its error
-estimates (epx, epy, epv); `data receiver` measures the errors."""
-
-
-def read_gpsd(path: Path) -> "TrackTable":
-    """Return the fixes in the TPV reports of gpsd. The file has one report per line.
-
-    Raises:
-        RecordingError: the file is missing, no report has a fix, or a line is not JSON and is not the last line.
-    """
-    rows: dict[int, TrackRow] = {}
-    lines = read_lines(path)
-    for number, line in lines:
-        try:
-            report = json.loads(line)
-        except (ValueError, RecursionError) as error:
-            if (number, line) == lines[-1]:
-                continue
-            raise RecordingError(f"{path}, line {number} is not valid JSON ({error}); remove the line.") from error
-        if not isinstance(report, dict) or report.get("class") != "TPV":
-            continue
-        said = {
-            key: _utc_ns(value) if key == "time" else None if isinstance(value, str) else _number(value)
-            for key, value in {"mode": 0, **report}.items()
-        }
-        mode = said["mode"]
-        if mode is not None and mode < 2:
-            continue
-        row = {name: next((said[key] for key in keys.split(",") if key in said), None) for name, keys in TPV.items()}
-        speed, track = said.get("speed"), said.get("track")
-        if row["ve"] is None and speed is not None and track is not None:
-            row["ve"], row["vn"] = _along(speed, track)
-        rows[int(row["t"] or -number)] = row if mode else {"t": None}  # later reports are more complete
-    return _table(path, list(rows.values()), (), "reports of the class TPV with time, lat and lon are needed")

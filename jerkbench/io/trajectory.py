@@ -323,11 +323,8 @@ def read_trajectory(path: Path, declared: TrajectoryForm, recording: Recording) 
 
 def _seconds(columns: Columns, form: TrajectoryForm, recording: Recording) -> FloatArray:
     t_ns = times_ns(columns, form.time, form.time_unit, form.time_week)
-    steps = np.diff(t_ns)
     require_fractions(columns.where, t_ns, np.full(len(t_ns), fill_value=True))
-    if (steps <= 0).any():
-        row = int(np.argmax(steps <= 0)) + 2
-        raise RecordingError(f"{columns.where}, row {row}: the time is not later than in the row above; sort the rows.")
+    columns.stamped(t_ns).require_increasing()
     if form.clock == "start" or not (form.clock or form.time_week or t_ns[0] > LATER_THAN_NS):
         return np.asarray(t_ns * 1e-9)
     if recording.start_utc is None:
@@ -349,7 +346,7 @@ def _places(columns: Columns, form: TrajectoryForm, recording: Recording) -> Flo
             f"{columns.where} has the frame {form.frame}, but {recording.name} has no origin; write local coordinates"
             " (filter.frame=enu or filter.frame=ned)."
         )
-    values = _finite(columns, form.position or _PLACES[form.frame], "position")
+    values = columns.finite(form.position or _PLACES[form.frame])
     places = in_degrees(values, form.frame, form.angle_unit)
     for row in np.flatnonzero(off_earth(places, form.frame)):
         raise RecordingError(f"{columns.where}, row {row + 1} has {OFF_EARTH}; correct the row, the frame or the unit.")
@@ -364,7 +361,7 @@ def _velocity(columns: Columns, form: TrajectoryForm) -> FloatArray | None:
         raise RecordingError(
             f"{columns.where} has velocities in ECEF, but frame=ecef supports only positions; use enu, ned or geodetic."
         )
-    return axes_in_enu(_finite(columns, names, "velocity"), form.local_frame)
+    return axes_in_enu(columns.finite(names), form.local_frame)
 
 
 def _attitude(path: Path, columns: Columns, form: TrajectoryForm) -> FloatArray | None:
@@ -381,7 +378,7 @@ def _covariance(columns: Columns, form: TrajectoryForm, t_s: FloatArray) -> Floa
     names = form.covariance or _there(columns, COVARIANCE)
     if not names:
         return None
-    values, n = _finite(columns, names, "covariance"), len(t_s)
+    values, n = columns.finite(names), len(t_s)
     covariance = np.full((n, 6, 6), np.nan)
     if len(names) == 36:
         covariance = values.reshape(n, 6, 6)
@@ -397,16 +394,6 @@ def _covariance(columns: Columns, form: TrajectoryForm, t_s: FloatArray) -> Floa
 def _there(columns: Columns, names: tuple[str, ...]) -> tuple[str, ...]:
     """Return ``names`` if the table has all these columns, otherwise an empty tuple."""
     return names if columns.has(names) else ()
-
-
-def _finite(columns: Columns, names: tuple[str, ...], quantity: str) -> FloatArray:
-    values = columns.numbers(names)
-    for row, column in np.argwhere(~np.isfinite(values)):
-        raise RecordingError(
-            f"{columns.where}, row {row + 1}: the {quantity} ({names[column]}) is not a finite number; write a"
-            " finite number at each stamp, or end the file where the estimate ends."
-        )
-    return values
 
 
 # Patterns of files with one file for each seed. A pattern contains ``{seed}`` instead of the number.

@@ -135,9 +135,6 @@ _ANGLES = ("attitude_roll_rad", "attitude_pitch_rad", "attitude_yaw_rad")
 INPUTS = ("attitude_accel_east_mps2", "attitude_accel_north_mps2", "attitude_accel_up_mps2")
 """Columns that the attitude filter computes from the IMU."""
 
-_UNITS = {"mps": "m/s", "mps2": "m/s2", "radps": "rad/s", "m2ps2": "m2/s2"}
-"""Unit for each ending of a column name, if the ending differs from the unit."""
-
 _SAID = tomllib.loads(Path(__file__).with_name("recording.toml").read_text(encoding="utf-8"))
 
 
@@ -170,7 +167,7 @@ def write_reference(recording: Recording, path: Path) -> None:
 
 
 def described(recording: Recording, table: "pd.DataFrame", name: str) -> dict[str, Any]:
-    """Return the JSON description of a table: the frames, units, rates, origin and start."""
+    """Return the JSON description of a table: the frames, rates, origin and start."""
     start, origin = recording.start_utc, recording.origin
     return {
         "format": _SAID["format"],
@@ -182,30 +179,22 @@ def described(recording: Recording, table: "pd.DataFrame", name: str) -> dict[st
         "origin": asdict(origin) if origin else None,
         "gravity_mps2": GRAVITY_MPS2,
         "static_start_s": recording.static_start_s,
-        "streams": _described_streams(recording, [str(column) for column in table.columns]),
+        "streams": _described_streams(recording, list(map(str, table.columns))),
         "write": _SAID["write"],
         "notes": list(recording.notes),
     }
 
 
-def _described_streams(recording: Recording, columns: list[str]) -> dict[str, Any]:
+def _described_streams(recording: Recording, columns: Sequence[str]) -> dict[str, Any]:
     streams = {}
-    for name in ("imu", "position", "velocity", "heading", "attitude"):
+    for name, about in _SAID["streams"].items():
         stream = getattr(recording, "imu" if name == "attitude" else name)
         begins = ("accel_", "gyro_") if name == "imu" else f"{name}_"
-        names = [column for column in columns if column.startswith(begins)]
-        if stream is None or not names:
-            continue
-        t_s = stream.t_s
-        rate = round(1.0 / float(np.median(np.diff(t_s))), 6) if len(t_s) > 1 else None
-        ends = {column: column.rpartition("_")[2] for column in names}
-        units = {column: _UNITS.get(end, end) for column, end in ends.items()}
-        streams[name] = {"about": _SAID["streams"][name], "rows": len(t_s), "rate_hz": rate, "columns": units}
-        if name in ("position", "velocity"):
-            streams[name]["assumed_lever_arm_m"] = [0.0, 0.0, 0.0]
-        more = {"velocity": "frame", "heading": "source"}.get(name)
-        if more:
-            streams[name][more] = getattr(stream, more)
+        if stream is not None and any(column.startswith(begins) for column in columns):
+            steps_s = np.diff(stream.t_s)
+            rate_hz = round(1.0 / float(np.median(steps_s)), 6) if len(steps_s) else None
+            streams[name] = {"about": about, "rows": len(stream.t_s), "rate_hz": rate_hz}
+            streams[name] |= {key: getattr(stream, key) for key in ("frame", "source") if hasattr(stream, key)}
     return streams
 
 
@@ -244,7 +233,7 @@ def write_recording(
     return written
 
 
-# Writing of a trajectory in the text formats TUM, KML and GPX.
+# Writing of a trajectory in the text formats TUM and GPX.
 
 
 def trajectory_of(recording: Recording, stream: str | None) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -281,53 +270,29 @@ def write_tum(recording: Recording, path: Path, stream: str | None = None) -> No
     write_text(path, "\n".join([*lines, ""]))
 
 
-def write_kml(recording: Recording, path: Path, stream: str | None = None) -> None:
-    """Write the trajectory to a KML file as one line with heights above the ellipsoid.
+def write_gpx(recording: Recording, path: Path, stream: str | None = None) -> None:
+    """Write the trajectory to a GPX 1.1 file as one track with heights above the ellipsoid.
+
+    The points have no times if the date of the recording is unknown.
 
     Raises:
         RecordingError: the recording has no origin on the Earth.
     """
-    kml = ET.Element("kml", xmlns="http://www.opengis.net/kml/2.2")
-    placemark = ET.SubElement(ET.SubElement(kml, "Document"), "Placemark")
-    ET.SubElement(placemark, "name").text = recording.name
-    line = ET.SubElement(placemark, "LineString")
-    ET.SubElement(line, "altitudeMode").text = "absolute"
-    places = _on_earth(recording, trajectory_of(recording, stream)[1], "KML")
-    ET.SubElement(line, "coordinates").text = " ".join(f"{lon:.9f},{lat:.9f},{h:.4f}" for lat, lon, h in places)
-    _write_xml(kml, path)
-
-
-def write_gpx(recording: Recording, path: Path, stream: str | None = None) -> None:
-    """Write the trajectory to a GPX 1.1 file as one track with heights above the ellipsoid.
-
-    Raises:
-        RecordingError: the recording has no origin on the Earth, or no date.
-    """
-    if recording.start_utc is None:
-        raise RecordingError(f"{recording.name} has no date, but GPX needs a date for each point; write .tum or .csv.")
+    if recording.origin is None:
+        raise RecordingError(f"{recording.name} has no origin on the Earth, which GPX needs; write .tum or .csv.")
     t_s, enu_m, _ = trajectory_of(recording, stream)
     gpx = ET.Element("gpx", xmlns="http://www.topografix.com/GPX/1/1", version="1.1", creator="jerkbench")
     track = ET.SubElement(gpx, "trk")
     ET.SubElement(track, "name").text = recording.name
     segment = ET.SubElement(track, "trkseg")
-    for t, (lat, lon, h) in zip(t_s.tolist(), _on_earth(recording, enu_m, "GPX"), strict=True):
+    for t, (lat, lon, h) in zip(t_s.tolist(), enu_to_geodetic(enu_m, recording.origin), strict=True):
         point = ET.SubElement(segment, "trkpt", lat=f"{lat:.9f}", lon=f"{lon:.9f}")
         ET.SubElement(point, "ele").text = f"{h:.4f}"
-        time = recording.start_utc + timedelta(seconds=t)
-        ET.SubElement(point, "time").text = time.isoformat(timespec="microseconds").replace("+00:00", "Z")
-    _write_xml(gpx, path)
+        if recording.start_utc is not None:
+            time = recording.start_utc + timedelta(seconds=t)
+            ET.SubElement(point, "time").text = time.isoformat(timespec="microseconds").replace("+00:00", "Z")
+    write_atomically(path, lambda partial: ET.ElementTree(gpx).write(partial, encoding="utf-8", xml_declaration=True))
 
 
-def _on_earth(recording: Recording, enu_m: FloatArray, kind: str) -> FloatArray:
-    """Return the latitude [deg], longitude [deg] and height [m] of each point of a trajectory, shape (n, 3)."""
-    if recording.origin is None:
-        raise RecordingError(f"{recording.name} has no origin on the Earth, which {kind} needs; write .tum or .csv.")
-    return enu_to_geodetic(enu_m, recording.origin)
-
-
-def _write_xml(root: ET.Element, path: Path) -> None:
-    write_atomically(path, lambda partial: ET.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True))
-
-
-TRAJECTORIES = {".tum": write_tum, ".kml": write_kml, ".gpx": write_gpx}
+TRAJECTORIES = {".tum": write_tum, ".gpx": write_gpx}
 """The function that writes a trajectory, for each suffix."""

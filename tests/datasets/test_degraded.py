@@ -104,16 +104,6 @@ def test_beijing(degraded):
     assert np.sqrt(np.mean(rate[:, :2] ** 2)) < 0.1  # the rows of both files belong together
 
 
-def test_zurich(degraded):
-    recording = degraded("zurich_mav", "zurich_mav_1")
-    error, _, t_s = errors(recording)
-    assert plane(error)[:2] == pytest.approx((3.8, 7.4), rel=0.03)
-    np.testing.assert_allclose(autocorrelation(error, t_s, 1.003), [0.99, 0.98], atol=0.01)
-    np.testing.assert_allclose(autocorrelation(error, t_s, 10.03), [0.72, 0.64], atol=0.02)
-    force = np.median(recording.imu.accel_mps2, axis=0)
-    assert force[2] > 9.0  # z is up
-
-
 def beijing_files(folder, epochs=6):
     table = [f"{k / 10}\t\t{k}\t{2 * k}\t{k - 0.5}\t{2 * k + 0.25}\t10\t20" for k in range(6)]
     (folder / "Data.txt").write_text("\n".join(["Time\t\tGPS_X\tGPS_Y\tRTK_X\tRTK_Y\tRTK_Vx\tRTK_Vy", *table]) + "\n")
@@ -138,28 +128,6 @@ def test_the_rows_of_the_table_belong_to_the_epochs_of_the_log(tmp_path):
     (tmp_path / "GPSRaw.dat").write_text("$PSAT,FVI,030000,1\n$GPGST,030000,2,1,1,73,.5,.7,1.4*67")
     with pytest.raises(RecordingError, match="line 1 has 4 fields"):
         loaded("beijing_car", tmp_path).load(0)
-
-
-def zurich_files(folder):
-    names = "Timpstemp, Error_count, x, y, z, "
-    stamps = [7_000_000 + 100_000 * k for k in range(200)]
-    (folder / "RawAccel.csv").write_text("\n".join([names, *(f"{t},0,0.1,0.2,-9.8, " for t in stamps)]))
-    (folder / "RawGyro.csv").write_text("\n".join([names, *(f"{t + 900},0,-0.015,0.073,0.029, " for t in stamps)]))
-    truth = ["imgid, x_gt, y_gt, z_gt, omega_gt, phi_gt, kappa_gt, x_gps, y_gps, z_gps, "]
-    truth += [f"{k},{100 + k},200,30,95,-73,9,{90 + k},210,20, " for k in (1, 31, 61, 91)]
-    (folder / "GroundTruthAGL.csv").write_text("\n".join(truth))
-    return folder
-
-
-def test_fixes_and_truth_of_the_flight_have_times_of_their_own(tmp_path):
-    dataset = loaded("zurich_mav", zurich_files(tmp_path))
-    recording = dataset.load(0)
-    assert recording.position.t_s[1] == pytest.approx(7.009129 + 30 * 0.03343357 - 7.0)
-    assert recording.reference.t_s[1] == pytest.approx(13.80 + 31 * 0.0333667 - 7.0)
-    np.testing.assert_allclose(recording.imu.accel_mps2[0], [0.1, -0.2, 9.8])
-    np.testing.assert_allclose(recording.imu.gyro_radps[0], [0.0, -0.1, 0.0], atol=1e-12)
-    np.testing.assert_allclose(recording.reference.enu_m[0] - recording.position.enu_m[0], [10, -10, 10])
-    check_plugin("dataset", dataset)
 
 
 def test_a_reference_of_rtklib_counts_where_its_quality_is_good(tmp_path):

@@ -172,12 +172,12 @@ def test_drives_that_are_too_short_and_files_that_hold_none_are_sentences(table,
     t_s = np.arange(10.0)
     with pytest.raises(RecordingError, match="is never faster than 0"):
         DrivenPath(file=table(t_s, np.zeros((10, 3)))).load(0)
-    with pytest.raises(RecordingError, match="line 4: the time does not increase"):
+    with pytest.raises(RecordingError, match="row 3: the time is not later"):
         DrivenPath(file=table([0.0, 1.0, 0.5, 3.0], np.zeros((4, 3)))).load(0)
     with pytest.raises(RecordingError, match="has 3 positions"):
         DrivenPath(file=table(t_s[:3], np.zeros((3, 3)))).load(0)
     with pytest.raises(RecordingError, match="shorter than the interval between fixes"):
         DrivenPath(file=table(t_s[:4] / 100, circle(t_s[:4]))).load(0)
     (tmp_path / "odd.csv").write_text("t,e,n,u\n0,0,0,0\n1,1,x,0\n")
-    with pytest.raises(RecordingError, match="line 3, field 3 is 'x'"):
+    with pytest.raises(RecordingError, match="row 2, column 3: 'x' is not a number"):
         DrivenPath(file=str(tmp_path / "odd.csv")).load(0)

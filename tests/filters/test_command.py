@@ -106,7 +106,7 @@ def test_arguments_change_the_result_and_the_label_changes_the_name(tmp_path):
         ("exit 0", "exited with code 0 but did not write out.csv"),
         ("echo hello > $2", "out.csv"),
         (HEAD, "out.csv has no rows of data"),
-        (HEAD + EACH.format(east="nan"), "out.csv, row 1: the position (east_m) is not a finite number"),
+        (HEAD + EACH.format(east="nan"), "out.csv, row 1, column east_m: 'nan' is not a finite number"),
         (HEAD + "echo 0.01,0,0,0 >> $2; echo 11.9,0,0,0 >> $2", "has no estimate between 0.01 and 11.90 s"),
         (HEAD + EACH.format(east="0") + "echo 0.5,0,0,0 >> $2", "the time is not later than in the row above"),
         ('echo t_s,x,y,z > "$2"; echo 1,2,3,4 >> "$2"', "There is no column 'east_m'"),

@@ -15,7 +15,6 @@ LOADED = {
     "comma2k19": ("comma2k19", None),
     "xsens": ("robot_localization/xsens.bag", "xsens_bag"),
     "husky": ("robot_localization/test1.bag", "husky_bag"),
-    "zurich_mav": ("degraded/zurich_mav_1", None),
     "broad": ("broad", None),
     "tokyo_1105": ("degraded/tokyo_1105", None),
     "hamburg": ("degraded/hamburg", "hamburg"),

@@ -65,12 +65,11 @@ def test_the_levels_of_the_declared_sigma_stand_apart():
     assert factors["below 5 m"] == pytest.approx(0.01, rel=0.05)
 
 
-def test_the_verb_says_what_to_put_into_a_filter_and_draws(tmp_path):
-    done = verb("data", "receiver", "field_white", "--set", "duration_s=60", "--figure", "a.png", cwd=tmp_path)
+def test_the_verb_says_what_to_put_into_a_filter(tmp_path):
+    done = verb("data", "receiver", "field_white", "--set", "duration_s=60", cwd=tmp_path)
 
     assert done.returncode == 0, done.stderr
     assert "robot_localization, fusioncore: multiply the covariance in the message by" in done.stdout
-    assert (tmp_path / "a.png").stat().st_size > 10_000
 
 
 def test_fixes_that_are_too_few_are_a_sentence(tmp_path):

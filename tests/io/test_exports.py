@@ -15,7 +15,7 @@ from pymap3d import enu2geodetic
 
 from commands import verb
 from jerkbench.errors import RecordingError
-from jerkbench.io.writing import input_table, recording_table, write_kml, write_recording, write_table, write_tum
+from jerkbench.io.writing import input_table, recording_table, write_gpx, write_recording, write_table, write_tum
 from jerkbench.plugins.samples import small_recording, true_attitude
 from jerkbench.recording import Velocity
 
@@ -167,7 +167,7 @@ def test_ned_turns_the_navigation_frame_and_not_the_body_and_geodetic_positions_
         recording_table(dataclasses.replace(recording, origin=None), "geodetic")
 
 
-def test_tum_is_what_the_field_reads_and_kml_is_a_line_on_the_ellipsoid(tmp_path, recording):
+def test_tum_is_what_the_field_reads_and_gpx_is_a_line_on_the_ellipsoid(tmp_path, recording):
     from scipy.spatial.transform import Rotation
 
     recording = replace(recording, start_utc=None)  # seconds since its start
@@ -179,14 +179,13 @@ def test_tum_is_what_the_field_reads_and_kml_is_a_line_on_the_ellipsoid(tmp_path
     np.testing.assert_allclose(yaw, recording.reference.euler_rad[:, 2], atol=1e-7)
     write_tum(recording, tmp_path / "b.tum", "position")
     assert len(np.loadtxt(tmp_path / "b.tum")) == len(recording.position.t_s) - 1
-    write_kml(recording, tmp_path / "a.kml")
-    space = "{http://www.opengis.net/kml/2.2}"
-    text = ET.parse(tmp_path / "a.kml").getroot().find(f".//{space}coordinates").text  # noqa: S314 - our own
-    places = np.array([[float(value) for value in one.split(",")] for one in text.split()])
+    write_gpx(recording, tmp_path / "a.gpx")
+    points = ET.parse(tmp_path / "a.gpx").getroot().findall(".//{http://www.topografix.com/GPX/1/1}trkpt")  # noqa: S314 - our own
+    places = np.array([[float(point.get("lon")), float(point.get("lat")), float(point[0].text)] for point in points])
     assert len(places) == len(recording.reference.t_s)
     np.testing.assert_allclose(places[0], [11.0, 48.0, 500.0], atol=1e-9)
-    with pytest.raises(RecordingError, match="which KML needs"):
-        write_kml(dataclasses.replace(recording, origin=None), tmp_path / "b.kml")
+    with pytest.raises(RecordingError, match="which GPX needs"):
+        write_gpx(dataclasses.replace(recording, origin=None), tmp_path / "b.gpx")
 
 
 def test_the_verb_converts_and_never_overwrites(tmp_path):
@@ -198,6 +197,6 @@ def test_the_verb_converts_and_never_overwrites(tmp_path):
     assert "position_latitude_deg" in (tmp_path / "b.csv").read_text().splitlines()[0]
     again, there = verb(*words, cwd=tmp_path), "a.mcap already exists; delete a.mcap, or give another name."
     assert (again.returncode, again.stderr) == (2, f"jerkbench: {there}\n")
-    wrong = verb("data", "convert", "a.mcap", "b.kmz", cwd=tmp_path)
-    assert "Did you mean '.kml'?" in wrong.stderr
+    wrong = verb("data", "convert", "a.mcap", "b.gpz", cwd=tmp_path)
+    assert "Did you mean '.gpx'?" in wrong.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mcap", "b.csv"]

@@ -1,6 +1,5 @@
 """Limits of all readers: places, dates, sizes of files, and singular covariances."""
 
-import json
 import math
 import resource
 import zlib
@@ -19,14 +18,15 @@ from commands import SHORT, verb
 from jerkbench.arrays import positive_definite
 from jerkbench.datasets.broad import Broad
 from jerkbench.datasets.rosbag import RosBag
+from jerkbench.datasets.rtklib import read_time_tag
 from jerkbench.datasets.table import Tables
-from jerkbench.errors import JerkbenchError, PluginError, RecordingError
+from jerkbench.errors import PluginError, RecordingError
 from jerkbench.inspection.evidence import common_edges
 from jerkbench.inspection.facts import facts_text
 from jerkbench.inspection.guesses import guess_time_unit
-from jerkbench.inspection.receiver import receiver_errors, receiver_figure
+from jerkbench.inspection.receiver import receiver_errors
 from jerkbench.io.columns import read_columns
-from jerkbench.io.rtklib import _COLUMNS, read_time_tag
+from jerkbench.io.rtklib import _COLUMNS
 from jerkbench.io.sanitiser import off_earth
 from jerkbench.io.text import TextFormat
 from jerkbench.jobs.preflight import reason_of
@@ -79,14 +79,6 @@ def gpx(folder, table):
     (folder / "a.txt").write_text(f"<gpx><trk>{''.join(points)}</trk></gpx>")
 
 
-def gpsd(folder, table):
-    reports = [
-        {"class": "TPV", "mode": 3, "time": f"{stamp(t)}Z", "lat": lat, "lon": lon, "alt": height}
-        for t, lat, lon, height in table.to_numpy()
-    ]
-    (folder / "a.txt").write_text("\n".join(map(json.dumps, reports)))
-
-
 def rtklib(folder, table):
     """RTKLIB's times are in GPS time here, 18 s ahead."""
     rest = "1 9 .1 .1 .1 0 0 0 0 0" + 6 * " .1" + 3 * " 0"
@@ -125,7 +117,7 @@ def ecef(folder, table):
     return {"position_frame": "ecef"}
 
 
-READERS = (csv, parquet, matlab, hdf5, gpx, gpsd, nmea, rtklib)
+READERS = (csv, parquet, matlab, hdf5, gpx, nmea, rtklib)
 DATED = [reader for reader in READERS if reader not in (rtklib, nmea)]
 """Times of RTKLIB have to increase, which says the same in other words; NMEA's two digits are 2000 to 2099."""
 CASES = [(write, fault) for write in READERS for fault in PLACES] + [(ecef, "height")]
@@ -293,7 +285,6 @@ def test_a_clock_that_was_set_under_way_is_named_and_needs_no_memory():
     assert "the IMU has 1 gap of up to 16999999" in facts_text(recording)
     errors = receiver_errors(recording)
     assert not len(errors.lags_s)
-    receiver_figure(recording, errors)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300_000
     assert len(common_edges(0.5, np.concatenate([np.arange(100_000) / 100, 3e5 + np.arange(100_000) / 100]))) > 600_000
     for stamps in (np.zeros(5), np.zeros(0)):
@@ -326,27 +317,11 @@ def test_a_damaged_sentence_is_dropped_and_counted(tmp_path, lines, dropped):
     assert dropped in " ".join(recording.notes)
 
 
-def test_a_number_of_400_digits_and_a_report_nested_too_deeply_are_named(tmp_path):
+def test_a_number_of_400_digits_is_named(tmp_path):
     (tmp_path / "a.csv").write_text("t,x\n0,1\n1,x\n2," + "9" * 400 + "\n")
     columns = read_columns((tmp_path / "a.csv",), TextFormat())
     with pytest.raises(RecordingError, match="row 2, column x: 'x' is not a number"):
         columns.numbers(["x"])
-    (tmp_path / "a.txt").write_text('{"class":"TPV"}\n' + "[" * 30_000 + "\n{}\n")
-    with pytest.raises(JerkbenchError, match="line 2 is not valid JSON"):
-        Tables(str(tmp_path), imu_file="", position_file="a.txt").load(0)
-
-
-@pytest.mark.parametrize(
-    "changed", ['"mode":"3"', '"time":["x"]', f'"lat":1{"0" * 400}', '"lon":"11.5"', '"lat":null', '"lat":NaN']
-)
-def test_a_damaged_report_is_dropped_and_counted(tmp_path, changed):
-    line = '{{"class":"TPV","mode":3,"time":"2024-05-14T12:00:0{}Z","lat":48.0,"lon":11.5,"alt":1{}}}\n'
-    lines = [line.format(k, f",{changed}" if k == 1 else "") for k in range(4)]
-    (tmp_path / "a.txt").write_text("".join(lines))
-    recording = Tables(str(tmp_path), imu_file="", position_file="a.txt").load(0)
-
-    np.testing.assert_allclose(recording.position.t_s, [0.0, 2.0, 3.0])
-    assert "a.txt: 1 of 4 reports have no fix or no time and are dropped." in recording.notes
 
 
 def test_an_imu_table_beside_a_solution_is_dated(tmp_path):

@@ -1,6 +1,5 @@
-"""NMEA, GPX and gpsd's JSON are read as positions, as people's receivers write them."""
+"""NMEA and GPX are read as positions, as people's receivers write them."""
 
-import json
 from functools import reduce
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import RecordingError
-from jerkbench.geometry import geodetic_to_enu
 
 # The first two are the example of the NMEA documents, with the checksum printed there.
 PRINTED = """\
@@ -24,16 +22,6 @@ GPX = """\
 <trkpt lat="48.1175" lon="11.5167"/>
 </trkseg></trk></gpx>
 """
-
-GPSD = [
-    {"class": "VERSION", "release": "3.25"},
-    {"class": "TPV", "mode": 1, "time": "2024-05-14T12:35:18.000Z"},
-    {
-        "class": "TPV", "mode": 3, "time": "2024-05-14T12:35:19.000Z", "lat": 48.1173, "lon": 11.5167,
-        "altHAE": 592.3, "alt": 545.4, "epx": 2.0, "epy": 3.0, "epv": 5.0, "track": 90.0, "speed": 4.0, "climb": 0.5,
-    },
-    {"class": "TPV", "mode": 3, "time": "2024-05-14T12:35:20.000Z", "lat": 48.1174, "lon": 11.5167, "altHAE": 592.0},
-]  # fmt: skip
 
 
 def nmea(body):
@@ -78,22 +66,13 @@ def test_a_damaged_sentence_is_dropped_and_counted_and_a_log_goes_on_over_midnig
     assert recording.start_utc.isoformat() == "2024-02-28T23:59:59+00:00"
 
 
-def test_a_gpx_track_and_gpsd_reports_are_read_with_their_errors_and_velocity(tmp_path):
+def test_a_gpx_track_is_read(tmp_path):
     (tmp_path / "track.gpx").write_text(GPX)
     recording = loaded(tmp_path, "track.gpx", origin=(48.1173, 11.5167, 545.4))
     np.testing.assert_allclose(recording.position.t_s, [0.0, 1.5])
     np.testing.assert_allclose(recording.position.enu_m[0], 0, atol=1e-6)
     assert recording.start_utc.isoformat() == "2024-05-14T12:35:19+00:00"
     assert any("1 of 3 reports" in note for note in recording.notes)
-    lines = [json.dumps(report) for report in GPSD]
-    (tmp_path / "gpsd.json").write_text("\n".join([*lines, lines[-1][:40]]))
-    recording = loaded(tmp_path, "gpsd.json", position_sigma=("sigma_east", "sigma_north", "sigma_up"),
-                       velocity_file="gpsd.json", origin=(48.1173, 11.5167, 592.3))  # fmt: skip
-    expected = geodetic_to_enu(np.array([48.1173, 48.1174]), np.array([11.5167] * 2), np.array([592.3, 592.0]),
-                               recording.origin)  # fmt: skip
-    np.testing.assert_allclose(recording.position.enu_m, expected, atol=1e-6)
-    np.testing.assert_allclose(np.diag(recording.position.covariance_m2[0]), [4.0, 9.0, 25.0])
-    np.testing.assert_allclose(recording.velocity.mps[0], [4.0, 0.0, 0.5], atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -103,8 +82,6 @@ def test_a_gpx_track_and_gpsd_reports_are_read_with_their_errors_and_velocity(tm
         ("a.gpx", "<gpx><trk>", "cannot be read as GPX"),
         ("a.gpx", "<gpx></gpx>", "no report has both a position and a time"),
         ("a.gpx", "<!DOCTYPE a [<!ENTITY b 'c'>]><gpx></gpx>", "has XML entities"),
-        ("a.json", '{"class": "TPV"\n{}', "line 1 is not valid JSON"),
-        ("a.json", '{"class": "SKY"}', "no report has both a position and a time"),
     ],
 )
 def test_what_is_no_track_is_a_sentence(tmp_path, name, text, said):

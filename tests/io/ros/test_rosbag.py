@@ -73,7 +73,6 @@ def test_without_a_map_topics_are_guessed_and_said_and_a_map_is_followed_without
         ({"imu_topic": "/imuu"}, r"There is no topic '/imuu'\. Did you mean '/imu'\?"),
         ({"reference_topic": "/imu"}, "which contains no reference"),
         ({"imu_topic": "/imu_zeros"}, r"imu \(/imu_zeros\): 0 usable messages are left.*frozen angular rate"),
-        ({"lever_arm_m": (1.0, 0.0, 0.0)}, r"lever_arm_m needs the attitude of a reference"),
         ({"remove_gyro_bias": True, "velocity_topic": "none"}, "stationary for 0.00 s"),
     ],
 )
