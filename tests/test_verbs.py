@@ -1,7 +1,5 @@
 """The verbs that read results, as a person uses them, over one small study."""
 
-import io
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -25,8 +23,6 @@ def test_a_row_is_run_again_with_the_same_numbers(study):
     assert done.returncode == 0, done.stdout
     assert "0 of " in done.stdout
     assert " numbers differ." in done.stdout
-    key = Store(study).keys_from("")[0]
-    assert verb("rerun", str(study), f"{key[:8]}:1", cwd=study).returncode == 0
 
 
 def changed_copy(study, folder, factor, count=None):
@@ -189,11 +185,3 @@ def test_the_adapted_noise_of_a_row_is_exported(study, tmp_path):
     assert np.allclose(sigmas, reported)
     assert (adapted.filter(like="sigma_used") > 1.01 * np.array(reported)).any(axis=None)
     assert "--updates FILE.csv" in verb("export", str(study), "1", cwd=study).stderr
-
-
-def test_the_time_a_step_stands_below_the_table(study):
-    text = verb("table", str(study), "--costs", "--format", "csv", cwd=study).stdout
-    costs = pd.read_csv(io.StringIO(text[text.rindex("metric,") :]))
-    assert set(costs["metric"]) == {"step_ns"}
-    assert len(costs) == 4
-    assert costs["mean"].between(1, 1e6).all()

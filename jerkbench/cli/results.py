@@ -49,8 +49,6 @@ FACTOR_NAMES = "dataset, disturbance, attitude, filter, adaptation, noise; separ
     *JUDGING,
     flag("--findings", help=f"describe the {MAX_PRINTED} largest differences (with --baseline: from the baseline)"),
     flag("--all", help="with --findings: describe every comparison"),
-    flag("--costs", help="measure the time of a filter step; runs each method again on this machine"),
-    RUN_PROGRAMS,
     argument("--format", choices=TABLE_FORMATS, default="terminal"),
 )
 def table_command(arguments: argparse.Namespace) -> None:
@@ -78,12 +76,6 @@ def table_command(arguments: argparse.Namespace) -> None:
         print(_findings(study, verdicts, baseline, every=arguments.all) or NOTHING_COMPARED)
         return
     _write(table, arguments.format)
-    if arguments.costs:
-        from jerkbench.jobs.replay import COLUMN, report_excluded_programs, step_costs
-
-        report_excluded_programs(study, run_programs=arguments.run_programs)
-        if len(costs := step_costs(study, run_programs=arguments.run_programs)):
-            _write(summarise(costs, COLUMN, rows, columns), arguments.format)
 
 
 def _findings(study: "Study", verdicts: "StudyVerdicts", baseline: "Mapping[str, str] | None", *, every: bool) -> str:

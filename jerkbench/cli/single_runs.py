@@ -6,7 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from jerkbench.cli.arguments import RUN_PROGRAMS, argument, command, output
+from jerkbench.cli.arguments import RUN_PROGRAMS, argument, command, count, output
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
 
 DIFFERENT = 1
@@ -14,7 +14,7 @@ DIFFERENT = 1
 
 ROW_ARGUMENTS = (
     argument("folder", type=Path, help="a study's folder, or a folder of cells"),
-    argument("row", metavar="ROW", help="number of the row in rows.csv (from 1), or KEY:SEED of a file in cells/"),
+    argument("row", type=count, metavar="ROW", help="number of the row in rows.csv (from 1)"),
     RUN_PROGRAMS,
 )
 """The arguments that select a row of the stored results."""

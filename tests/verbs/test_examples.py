@@ -9,7 +9,7 @@ import pytest
 from commands import swept, verb
 from jerkbench.cli import RUN_HELP, parser
 
-NOT_RUN = ("jerkbench data fetch broad", "jerkbench data cache --clear", "jerkbench audit")
+NOT_RUN = ("jerkbench data fetch broad", "jerkbench audit")
 """These examples need the network, delete compiled code, or take minutes. Their options are parsed."""
 
 FIRST = "data convert"

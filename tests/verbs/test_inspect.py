@@ -1,13 +1,12 @@
-"""`data inspect` and `data cache`."""
+"""`data inspect`."""
 
 import numpy as np
 import pytest
 
 from bag_maker import ROS1, START_NS, Drive, odometry
-from jerkbench.datasets.rosbag import Fixposition, RosBag
+from jerkbench.datasets.rosbag import RosBag
 from jerkbench.errors import RecordingError
 from jerkbench.inspection.facts import facts_text
-from jerkbench.io import bag
 from jerkbench.recording import Imu, Recording, Reference, Velocity
 
 
@@ -197,23 +196,6 @@ def test_a_seed_is_a_whole_number(typed, seed):
     done = typed("data", "inspect", "field", "--seed", seed)
     assert (done.returncode, done.stdout) == (2, "")
     assert f"'{seed}' is not a valid number; give an integer, 0 or more" in done.stderr
-
-
-def test_what_is_kept_is_shown_and_cleared_and_nothing_else(tmp_path, typed, monkeypatch):
-    cache = tmp_path / "cache"
-    monkeypatch.setenv("JERKBENCH_CACHE", str(cache))
-    monkeypatch.setattr(bag, "MIN_CACHED_BYTES", 0)
-    Fixposition(str(Drive(duration_s=3.0).write(tmp_path / "a.bag"))).load(0)
-    (cache / "compiled" / "run_mtf-1" / "mtf_1").mkdir(parents=True)
-    for ours in ("run_mtf-1/lock", "run_mtf-1/mtf_1/mtf.run_mtf-1.py311.nbi"):
-        (cache / "compiled" / ours).write_bytes(bytes(500_000))
-    (cache / "mine.txt").touch()
-    shown = typed("data", "cache").stdout
-    assert f"compiled filters and adaptations: 2 files, 1.0 MB in {cache / 'compiled'}\n" in shown
-    assert "messages of bags: 2 files, " in shown
-    assert typed("data", "cache", "--clear").stdout.count(", deleted") == 2
-    assert [path.name for path in cache.rglob("*") if path.is_file()] == ["mine.txt"]
-    assert typed("data", "cache").stdout.count(": 0 files, 0.0 MB") == 3
 
 
 def test_a_fetched_bag_needs_no_path(tmp_path, monkeypatch):
