@@ -26,7 +26,7 @@ class RScale:
     def __post_init__(self) -> None:
         for name in ("position", "velocity"):
             value = getattr(self, name)
-            if not 0 < value < math.inf:
+            if not (isinstance(value, float) and 0 < value < math.inf):
                 raise PluginError(f"r_scale.{name} is {value}; give a positive number (1 leaves R as reported).")
 
     @property
@@ -41,15 +41,12 @@ def scale_of(values: object) -> RScale:
     Raises:
         PluginError: ``values`` is not a mapping, a key is unknown, or a factor is not a positive number.
     """
-    known = [f.name for f in dataclasses.fields(RScale)]
     factors = {} if values is None else values
     if not isinstance(factors, Mapping):
         raise PluginError(f"r_scale is {factors}; give two factors: r_scale.position=2 r_scale.velocity=0.5.")
-    for name, value in factors.items():
-        require_known("parameter of r_scale", str(name), known)
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise PluginError(f"r_scale.{name} is {value}; give a positive number (1 leaves R as reported).")
-    return RScale(**{name: float(value) for name, value in factors.items()})
+    for name in factors:
+        require_known("parameter of r_scale", str(name), [f.name for f in dataclasses.fields(RScale)])
+    return RScale(**{name: float(value) if type(value) is int else value for name, value in factors.items()})
 
 
 AS_REPORTED = RScale()

@@ -43,7 +43,7 @@ r_scale.position=2 r_scale.velocity=0.5 scale the reported covariance R that the
 not change.
 
 Other KEYs: study, results, seeds, first_seed, burn_in_s, divergence_limit_m, metrics, workers, cluster, figures,
-figures_pdf, report, notes. --dry prints the planned runs, the combinations that are left out and the expected time,
+figures_pdf, report, notes. --dry prints the planned runs and the combinations that are left out,
 and runs nothing. --config-dir DIR adds a folder with your presets (DIR/dataset/mine.yaml) to any command. The option
 can be given several times. --config-name NAME uses DIR/NAME.yaml as the experiment. Results are in results/STUDY. A
 stored run is not computed again, so the same command continues a sweep that was stopped.

@@ -9,12 +9,9 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, streaks
 from jerkbench.estimate import Estimate, Sums, Updates
 from jerkbench.evaluation.counted_rows import (
-    counting,
     first_counted_s,
     mean,
-    position_error_m,
     rms,
-    rms_norm,
     timed_errors,
 )
 from jerkbench.evaluation.evaluated_run import Summed
@@ -198,35 +195,6 @@ class Outage(Summed):
             "outage_end_percent": mean(100 * float(ends.sum()), driven_m),
             "outages_counted": float(ends.size) if sums.outages else float("nan"),
         }
-
-
-@register("metric", "outage_axes")
-@dataclass(frozen=True)
-class OutageAxes:
-    """Horizontal and vertical position error inside the outages of the recording.
-
-    Let e_i = p_i - p_ref,i be the position error in ENU [m], at the N counted rows inside any outage, as in the metric
-    `outage`::
-
-        outage_rmse_horizontal_m  = sqrt(1/N sum (e_east^2 + e_north^2))
-        outage_rmse_up_m          = sqrt(1/N sum e_up^2)
-
-    In a GNSS outage, a measured wheel speed limits the horizontal error, whereas the vertical error depends on the
-    attitude. The values are NaN if no counted row is inside an outage.
-    """
-
-    columns: ClassVar[Mapping[str, Column]] = {
-        "outage_rmse_horizontal_m": Column("Position RMSE during outages, horizontal", section=7),
-        "outage_rmse_up_m": Column("Position RMSE during outages, up", section=8),
-    }
-
-    default: ClassVar[bool] = False
-
-    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the two values of the metric by column name."""
-        inside = counting(estimate.index, recording, counted).outage
-        error = position_error_m(estimate, recording)[inside]
-        return {"outage_rmse_horizontal_m": rms_norm(error[:, :2]), "outage_rmse_up_m": rms_norm(error[:, 2:])}
 
 
 @register("metric", "outage_drift")
