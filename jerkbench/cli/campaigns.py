@@ -69,7 +69,6 @@ def audit_command(arguments: argparse.Namespace) -> None:
       jerkbench audit --scale medium     two models, no iterated filters: 1 minute, 5 minutes with compilation
       jerkbench audit                    the complete protocol: 20 minutes on two cores; see --cluster and --workers
       jerkbench audit --scale second     the same protocol with other drives and other tunings
-      jerkbench audit --against results/audit-second     lists the verdicts that differ from the second audit
 
     The same command continues an audit that was stopped. --stored evaluates the stored rows of any version, and runs
     nothing.
