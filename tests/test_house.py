@@ -22,19 +22,19 @@ MAX_FILE_LINES = 500
 MAX_MODULES, MAX_FOLDERS = 165, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
-    "campaign": 1586,
-    "cli": 823,
+    "campaign": 1534,
+    "cli": 822,
     "compilation": 427,
     "evaluation": 980,
-    "hydra_app": 691,
+    "hydra_app": 690,
     "hydra_plugins": 15,
     "inertial": 1038,
     "inspection": 1788,
     "io": 2809,
     "jerkbench": 1680,
-    "jobs": 1720,
+    "jobs": 1714,
     "kinematic": 1309,
-    "plugins": 788,
+    "plugins": 773,
     "report": 3117,
     "simulation": 598,
 }

@@ -32,7 +32,7 @@ def tune_command(arguments: argparse.Namespace) -> None:
     (r_scale.position, r_scale.velocity). knobs=[filter.accel_mps2,...] selects some of these parameters.
 
       trials=64            number of settings, including the default setting
-      sampler=sobol        sobol (for comparisons), tpe, cma_es (the extra `tune`); sampler_seed=1: other settings
+      sampler_seed=0       seed of the Sobol sequence, from which the settings are taken
       objective=rmse       rmse: log of the RMSE relative to the plain filter of the same model, a diverged run counts
                            as log 100; likelihood: of the innovations, needs no reference; inclination: error of an
                            attitude filter
@@ -195,5 +195,4 @@ def suite_board_command(arguments: argparse.Namespace) -> None:
     """
     from jerkbench.campaign.board import write_board
 
-    for path in write_board(arguments.folder, arguments.rows):
-        print(path)
+    print(write_board(arguments.folder, arguments.rows))

@@ -79,7 +79,7 @@ BROKEN = 1
 
 
 @command(
-    argument("package", help="a folder with a pyproject.toml, an installed distribution, or a module"),
+    argument("package", help="a folder with a pyproject.toml, or an installed distribution"),
     argument("--format", choices=("text", "json", "junit"), default="text", help="default: text"),
 )
 def check_command(arguments: argparse.Namespace) -> None:
