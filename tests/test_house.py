@@ -25,7 +25,7 @@ MAX_CODE = {
     "campaign": 1534,
     "cli": 822,
     "compilation": 427,
-    "evaluation": 980,
+    "evaluation": 968,
     "hydra_app": 690,
     "hydra_plugins": 15,
     "inertial": 1038,
@@ -34,7 +34,7 @@ MAX_CODE = {
     "jerkbench": 1680,
     "jobs": 1714,
     "kinematic": 1309,
-    "plugins": 773,
+    "plugins": 750,
     "report": 3117,
     "simulation": 598,
 }

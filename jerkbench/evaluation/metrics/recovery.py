@@ -9,10 +9,10 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, streaks
 from jerkbench.estimate import Estimate, Sums, Updates
 from jerkbench.evaluation.counted_rows import (
+    counted_errors,
     first_counted_s,
     mean,
     rms,
-    timed_errors,
 )
 from jerkbench.evaluation.evaluated_run import Summed
 from jerkbench.parameters import Column
@@ -96,15 +96,6 @@ def step_response(t_s: FloatArray, error: FloatArray, begin_s: float, end_s: flo
     return StepResponse(peak, halved_s)
 
 
-def step_responses(t_s: FloatArray, error: FloatArray, begins_s: FloatArray) -> list[StepResponse]:
-    """Return the response of (n,) errors to each of the faults that start at ``begins_s`` (k,).
-
-    The response to a fault ends at the start of the next fault.
-    """
-    ends_s = [*begins_s[1:].tolist(), np.inf]
-    return [step_response(t_s, error, *span) for span in zip(begins_s.tolist(), ends_s, strict=False)]
-
-
 @register("metric", "recovery")
 @dataclass(frozen=True)
 class Recovery:
@@ -135,9 +126,14 @@ class Recovery:
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the three values of the metric by column name."""
-        t_s, _, error = timed_errors(estimate, recording, counted)
-        begins = fault_windows_s(recording)[:, 0]
-        answers = step_responses(t_s, error, begins[begins > t_s[0]] if len(t_s) else begins[:0])
+        rows, error = counted_errors(estimate, recording, counted)
+        t_s = recording.reference.t_s[estimate.index[rows]]
+        with np.errstate(over="ignore", invalid="ignore"):
+            length_m = np.linalg.norm(error, axis=1)
+        begins_s = fault_windows_s(recording)[:, 0]
+        begins_s = begins_s[begins_s > t_s[0]] if len(t_s) else begins_s[:0]
+        ends_s = np.append(begins_s[1:], np.inf)
+        answers = [step_response(t_s, length_m, *span) for span in zip(begins_s, ends_s, strict=False)]
         return {
             "recovery_s": median_time_s([answer.halved_s for answer in answers]),
             "recovery_peak_m": median_time_s([answer.peak for answer in answers]),
