@@ -410,14 +410,9 @@ class Recording:
         return float(self.clock_s[-1])
 
     def __repr__(self) -> str:
-        counts = {name: len(t_s) for name, t_s in self._stamps().items()} | {"reference": len(self.reference.t_s)}
-        streams = ", ".join(f"{name} {count}" for name, count in counts.items())
-        return f"Recording({self.name!r}, {self.duration_s:.2f} s: {streams})"
-
-    def _stamps(self) -> dict[str, FloatArray]:
-        """Return the time stamps of each kind of measurement [s], by the name of the field."""
-        streams = {"imu": self.imu, "position": self.position, "velocity": self.velocity, "heading": self.heading}
-        return {name: stream.t_s for name, stream in streams.items() if stream is not None}
+        streams = {name: getattr(self, name) for name in ("imu", "position", "velocity", "heading", "reference")}
+        counts = ", ".join(f"{name} {len(stream.t_s)}" for name, stream in streams.items() if stream is not None)
+        return f"Recording({self.name!r}, {self.duration_s:.2f} s: {counts})"
 
     def _require_fixes(self) -> None:
         """Check a recording without an IMU: two position fixes are required, and the velocity must be in ENU."""

@@ -22,8 +22,8 @@ MAX_FILE_LINES = 500
 MAX_MODULES, MAX_FOLDERS = 165, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
-    "campaign": 1534,
-    "cli": 822,
+    "campaign": 1525,
+    "cli": 818,
     "compilation": 427,
     "evaluation": 968,
     "hydra_app": 690,
@@ -31,8 +31,8 @@ MAX_CODE = {
     "inertial": 1038,
     "inspection": 1788,
     "io": 2809,
-    "jerkbench": 1680,
-    "jobs": 1714,
+    "jerkbench": 1678,
+    "jobs": 1699,
     "kinematic": 1309,
     "plugins": 750,
     "report": 3117,

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,6 +18,7 @@ from jerkbench.errors import PluginError, RecordingError, require_known
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.progress import Progress
+from jerkbench.parameters import AT_LEAST_ONE, NOT_NEGATIVE, Limited
 from jerkbench.r_scale import RScale
 from jerkbench.recording import Recording
 
@@ -220,7 +221,7 @@ def plain_job(job: Job) -> Job:
 
 
 @dataclass(frozen=True)
-class Budget:
+class Budget(Limited):
     """The budget of a tuning. All methods of a comparison have the same budget.
 
     Attributes:
@@ -229,14 +230,9 @@ class Budget:
         seed: Seed of the Sobol sequence, from which the settings are taken.
     """
 
-    trials: int = 64
-    finalists: int = 8
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if self.trials < 1 or self.finalists < 1 or self.seed < 0:
-            given = f"trials is {self.trials}, finalists is {self.finalists} and sampler_seed is {self.seed}"
-            raise PluginError(f"{given}; trials and finalists must be at least 1, and sampler_seed at least 0.")
+    trials: Annotated[int, AT_LEAST_ONE] = 64
+    finalists: Annotated[int, AT_LEAST_ONE] = 8
+    seed: Annotated[int, NOT_NEGATIVE] = 0
 
 
 Advance = Callable[[int], object]

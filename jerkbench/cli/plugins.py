@@ -2,12 +2,12 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jerkbench.cli.arguments import OUTPUT_FORMAT, argument, command, output, print_json
 
 if TYPE_CHECKING:
-    from jerkbench.files import JunitCase
+    pass
 
 
 @command(argument("kind", nargs="?", help="dataset, disturbance, attitude, filter, adaptation, ..."), OUTPUT_FORMAT)
@@ -80,7 +80,7 @@ BROKEN = 1
 
 @command(
     argument("package", help="a folder with a pyproject.toml, or an installed distribution"),
-    argument("--format", choices=("text", "json", "junit"), default="text", help="default: text"),
+    argument("--format", choices=("text", "junit"), default="text", help="default: text"),
 )
 def check_command(arguments: argparse.Namespace) -> None:
     """Check whether the plugins of a package satisfy their contracts.
@@ -96,21 +96,14 @@ def check_command(arguments: argparse.Namespace) -> None:
     from jerkbench.plugins.new import check_package
 
     checked = check_package(arguments.package)
-    plugins, ok = [_as_json(case) for case in checked], not any(case.failures for case in checked)
     if arguments.format == "junit":
         print(junit(f"jerkbench check {arguments.package}", checked).rstrip())
-    elif arguments.format == "json":
-        print_json({"package": arguments.package, "ok": ok, "plugins": plugins})
     else:
-        for plugin in plugins:
-            lines = [f"{found['severity']}: {found['sentence']}" for found in plugin["findings"]]
-            for line in [*lines, *["satisfies its contract."] * plugin["ok"]]:
-                print(f"{plugin['kind']} {plugin['name']}: {line}")
-    if not ok:
+        for case in checked:
+            lines = [f"error: {message}" for message in case.failures] + [
+                f"notice: {message}" for message in case.notes
+            ]
+            for line in [*lines, *["satisfies its contract."] * (not case.failures)]:
+                print(f"{case.group} {case.name}: {line}")
+    if any(case.failures for case in checked):
         raise SystemExit(BROKEN)
-
-
-def _as_json(case: "JunitCase") -> dict[str, Any]:
-    found = [("error", message) for message in case.failures] + [("notice", message) for message in case.notes]
-    findings = [{"severity": severity, "sentence": message} for severity, message in found]
-    return {"kind": case.group, "name": case.name, "ok": not case.failures, "findings": findings}

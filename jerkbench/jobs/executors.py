@@ -195,10 +195,9 @@ def dask_setup(worker: object) -> None:
 
 @dataclass(frozen=True)
 class JobQueue:
-    """Jobs of a queueing system (SLURM, PBS or LSF) that run Dask workers. The current process runs the Dask scheduler.
+    """Jobs of SLURM that run Dask workers. The current process runs the Dask scheduler.
 
     Attributes:
-        system: Name of the queueing system: slurm, pbs or lsf.
         jobs: Number of jobs in the queue. A job that ends before the sweep is submitted again.
         processes: Number of worker processes of each job. Each worker process uses one core.
         memory: Memory of each job, for example "8GB".
@@ -213,7 +212,6 @@ class JobQueue:
         logs: Folder for the output of the jobs (by default, the default of the queueing system).
     """
 
-    system: str
     jobs: int = 2
     processes: int = 1
     memory: str = "4GB"
@@ -230,23 +228,22 @@ class JobQueue:
     def open(self, workers: int) -> Iterator[Pool]:
         """Submit the jobs to the queueing system. Tasks are sent as soon as the first job has started."""
         del workers  # the number of workers is `jobs` times `processes`
-        distributed = required("distributed", self.system)
+        distributed = required("distributed", "slurm")
         with _quiet(), _connected(distributed, cluster := self._cluster()) as pool:
             cluster.adapt(minimum_jobs=self.jobs, maximum_jobs=self.jobs)  # a job that ends early is submitted again
             yield pool
 
     def _cluster(self) -> Any:  # noqa: ANN401 - dask-jobqueue has no types
-        jobqueue = required("dask_jobqueue", self.system)
-        kind = {"slurm": jobqueue.SLURMCluster, "pbs": jobqueue.PBSCluster, "lsf": jobqueue.LSFCluster}[self.system]
+        jobqueue = required("dask_jobqueue", "slurm")
         named = {
             "queue": self.queue,
-            "project" if self.system == "lsf" else "account": self.account,
+            "account": self.account,
             "interface": self.interface,
             "python": self.python,
             "log_directory": self.logs,
         }
         try:
-            return kind(
+            return jobqueue.SLURMCluster(
                 cores=self.processes,
                 processes=self.processes,
                 memory=self.memory,
@@ -258,7 +255,7 @@ class JobQueue:
                 **{name: value for name, value in named.items() if value},
             )
         except (OSError, ValueError, RuntimeError) as error:
-            raise ClusterError(f"cluster={self.system} cannot start: {error}.") from error
+            raise ClusterError(f"cluster=slurm cannot start: {error}.") from error
 
 
 Cluster: TypeAlias = Local | Dask | JobQueue

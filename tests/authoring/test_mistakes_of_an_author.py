@@ -1,6 +1,5 @@
 """Mistakes of an author: each is a sentence of `jerkbench check`, and most are one before a sweep begins."""
 
-import json
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -121,18 +120,13 @@ def test_the_others_are_told_before_the_first_cell_runs(installed, tmp_path):
         assert line.startswith(f"Every run with the adaptation {module} will fail: ")
 
 
-def test_json_and_junit_say_the_same(tmp_path):
+def test_junit_has_the_findings(tmp_path):
     mistake, sentence = MISTAKES["wrong_shape"]
     write(tmp_path, "wrong_shape", mistake)
-    answer = json.loads(verb("check", str(tmp_path), "--format", "json", cwd=tmp_path).stdout)
     suite = ET.fromstring(verb("check", str(tmp_path), "--format", "junit", cwd=tmp_path).stdout)  # noqa: S314 - our own
 
-    assert answer["ok"] is False
-    (finding,) = answer["plugins"][0]["findings"]
-    assert finding["severity"] == "error"
-    assert sentence in finding["sentence"]
     assert suite.attrib["failures"] == "1"
-    assert suite.find("testcase/failure").attrib["message"] == finding["sentence"]
+    assert suite.find("testcase/failure").attrib["message"].endswith(f"{sentence}.")
 
 
 @pytest.mark.parametrize(

@@ -192,7 +192,7 @@ def test_the_same_command_goes_on_where_it_was(tuned):
     [
         (["filter=gnss_only"], "no parameter of the filter gnss_only and the adaptation none has a range"),
         (["filter=baseline,jerk"], "There are 2 methods; add -m"),
-        (["trials=0"], "trials and finalists must be at least 1"),
+        (["trials=0"], "trials is 0; it must be at least 1"),
         (["trials=many"], "trials:"),
         (["objective=rmsee"], "Did you mean 'rmse'"),
         (["split=seed"], "Did you mean 'seeds'"),

@@ -8,7 +8,6 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
-from jerkbench.errors import PluginError
 from jerkbench.estimate import Updates
 from jerkbench.evaluation import correlated_errors
 from jerkbench.evaluation.counted_rows import counted_rows
@@ -19,7 +18,7 @@ from jerkbench.evaluation.metrics.consistency import (
     LogScore,
     crps,
 )
-from jerkbench.evaluation.metrics.position import OneRecording, Percentiles, PositionRmse, RelativeError
+from jerkbench.evaluation.metrics.position import OneRecording, Percentiles, PositionRmse
 from jerkbench.evaluation.metrics.recovery import Lockout, OutageDrift, Recovery, fault_windows_s, step_response
 from jerkbench.recording import Position
 
@@ -86,28 +85,6 @@ def test_the_log_score_is_scipys_density_once_a_second_and_best_with_the_true_co
     assert score(0.5) < min(score(0.35), score(0.7))
 
 
-def test_the_relative_error_is_the_naive_loop_and_none_of_a_constant_error(estimate, recording, counted, errors):
-    d = 20.0
-    truth = recording.reference.enu_m
-    driven, before, places = 0.0, None, {}
-    for row, point in enumerate(truth):
-        if not np.isnan(point).any():
-            driven += 0.0 if before is None else math.dist(point, before)
-            before, places[row] = point, driven
-    along = [(places[estimate.index[k]], e) for k, e in errors]
-    squares = []
-    for s, e in along:
-        later = [other for t, other in along if t >= s + d]
-        if later:
-            squares.append(sum((later[0] - e) ** 2))
-    got = RelativeError(distance_m=d).evaluate(estimate, recording, counted)["relative_error_percent"]
-    assert got == pytest.approx(100 * math.sqrt(np.mean(squares)) / d)
-    shifted = dataclasses.replace(estimate, position_m=recording.reference.enu_m[estimate.index] + [3.0, 4.0, 0.0])
-    assert RelativeError(distance_m=5.0).evaluate(shifted, recording, counted)["relative_error_percent"] < 1e-9
-    with pytest.raises(PluginError, match="must be more than 0"):
-        RelativeError(distance_m=0.0)
-
-
 def test_the_drift_is_the_growth_over_the_outages(estimate, recording, counted):
     """Outages from 10 to 14 and from 20 to 22 s, of which the reference (every 0.5 s) knows all but row 25, up."""
     t_s = recording.reference.t_s[estimate.index]
@@ -171,7 +148,7 @@ def test_the_interval_of_one_recording_holds_its_rmse_where_it_is_long_enough(
 @pytest.mark.parametrize(
     "metric",
     [
-        *(Coverage(), Percentiles(), LogScore(), RelativeError(), OneRecording(), OutageDrift()),
+        *(Coverage(), Percentiles(), LogScore(), OneRecording(), OutageDrift()),
         *(Crps(), Recovery()),
     ],
 )
