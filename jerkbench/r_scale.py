@@ -4,13 +4,20 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 from jerkbench.errors import PluginError, require_known
+from jerkbench.parameters import Limit, Limited
 from jerkbench.recording import Recording
+
+_FACTOR = Limit(
+    lambda factor: isinstance(factor, float) and 0 < factor < math.inf,
+    "r_scale needs positive numbers (1 leaves R as reported).",
+)
 
 
 @dataclass(frozen=True)
-class RScale:
+class RScale(Limited):
     """Factors on the reported covariances R. The factors are tunable parameters, like the process noise.
 
     The factors change neither the measurements nor the true covariances nor the attitude.
@@ -20,14 +27,8 @@ class RScale:
         velocity: Factor on the covariance of each velocity [-].
     """
 
-    position: float = 1.0
-    velocity: float = 1.0
-
-    def __post_init__(self) -> None:
-        for name in ("position", "velocity"):
-            value = getattr(self, name)
-            if not (isinstance(value, float) and 0 < value < math.inf):
-                raise PluginError(f"r_scale.{name} is {value}; give a positive number (1 leaves R as reported).")
+    position: Annotated[float, _FACTOR] = 1.0
+    velocity: Annotated[float, _FACTOR] = 1.0
 
     @property
     def changed(self) -> dict[str, float]:

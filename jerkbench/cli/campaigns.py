@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jerkbench.cli.arguments import EXECUTION, RUN_PROGRAMS, argument, command, count, flag, output
+from jerkbench.cli.arguments import EXECUTION, RUN_PROGRAMS, argument, command, count, flag
 
 
 @command(
@@ -55,7 +55,7 @@ def tune_command(arguments: argparse.Namespace) -> None:
 
 @command(
     argument("--scale", default="full", help="name of the protocol (default: full)"),
-    argument("--results", type=output, default=Path("results"), help="folder of all results"),
+    argument("--results", type=Path, default=Path("results"), help="folder of all results"),
     flag("--stored", help="evaluate the stored rows of any version, and run nothing"),
     *EXECUTION,
 )
@@ -105,7 +105,7 @@ DEFAULT_SUITE = "v2"
     argument("overrides", nargs="+", metavar="KEY=VALUE", help="the method"),
     argument("--scale", default=DEFAULT_SUITE, help=f"name of the suite in conf/suite (default: {DEFAULT_SUITE})"),
     argument("--name", default="", help="name of the method on the board (default: filter + adaptation)"),
-    argument("--out", type=output, metavar="FOLDER", help="folder of the entry (default: results/suite-SCALE/NAME)"),
+    argument("--out", type=Path, metavar="FOLDER", help="folder of the entry (default: results/suite-SCALE/NAME)"),
     *EXECUTION,
 )
 def suite_run_command(arguments: argparse.Namespace) -> None:

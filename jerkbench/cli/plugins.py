@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jerkbench.cli.arguments import OUTPUT_FORMAT, argument, command, output, print_json
+from jerkbench.cli.arguments import OUTPUT_FORMAT, argument, command, print_json
 
 if TYPE_CHECKING:
     pass
@@ -57,7 +57,7 @@ def show_command(arguments: argparse.Namespace) -> None:
 @command(
     argument("kind", help="dataset, disturbance, attitude, filter, estimator, adaptation or metric"),
     argument("name", help="name of the plugin and its module, for example my_rule"),
-    argument("--out", type=output, metavar="FOLDER", help="folder of the package (default: ./NAME)"),
+    argument("--out", type=Path, metavar="FOLDER", help="folder of the package (default: ./NAME)"),
 )
 def new_command(arguments: argparse.Namespace) -> None:
     """Write a package for a new plugin: class, entry point, test, README.

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
-from jerkbench.cli.arguments import argument, command, count, flag, output, require_new
+from jerkbench.cli.arguments import argument, command, count, flag, require_new
 from jerkbench.contracts import Dataset
 from jerkbench.errors import JerkbenchError, PluginError, require_known
 
@@ -146,7 +146,7 @@ def convert_command(arguments: argparse.Namespace) -> None:
 
 
 @command(
-    argument("folder", type=output, help="the folder to write; it must not exist"),
+    argument("folder", type=Path, help="the folder to write; it must not exist"),
     argument("overrides", nargs="*", metavar="KEY=VALUE", help="arguments of `jerkbench run`"),
     argument(
         "--format",

@@ -16,7 +16,6 @@ from jerkbench.cli.arguments import (
     count,
     flag,
     judging,
-    output,
     percentage,
 )
 from jerkbench.errors import NOT_COMPARABLE, JerkbenchError
@@ -115,7 +114,7 @@ def _factors(names: str | None) -> list[str] | None:
 
 @command(
     STUDY,
-    argument("--out", type=output, help="folder of the figures (default: figures/ in the study's folder)"),
+    argument("--out", type=Path, help="folder of the figures (default: figures/ in the study's folder)"),
     argument(
         "--scenarios", default="20", metavar="NAMES", help="number or names: none,imu_bias+gnss_outage (default: 20)"
     ),
@@ -162,7 +161,7 @@ def figures_command(arguments: argparse.Namespace) -> None:
 
 @command(
     STUDY,
-    argument("--out", type=output, help="the file (default: report.html in the study's folder)"),
+    argument("--out", type=Path, help="the file (default: report.html in the study's folder)"),
     argument("--scenarios", type=count, default=20, help="number of scenarios whose runs are shown (default: 20)"),
     argument("--figures", choices=[*Choice], default=Choice.FEW, help="few: only with findings (default); all; none"),
     RUN_PROGRAMS,

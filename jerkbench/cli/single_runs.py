@@ -6,7 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from jerkbench.cli.arguments import RUN_PROGRAMS, argument, command, count, output
+from jerkbench.cli.arguments import RUN_PROGRAMS, argument, command, count
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
 
 DIFFERENT = 1
@@ -53,8 +53,8 @@ def rerun_command(arguments: argparse.Namespace) -> None:
 
 @command(
     *ROW_ARGUMENTS,
-    argument("--tum", type=output, metavar="FOLDER", help="write estimate.tum, reference.tum"),
-    argument("--updates", type=output, metavar="FILE.csv", help="write innovation, NIS and R of each update"),
+    argument("--tum", type=Path, metavar="FOLDER", help="write estimate.tum, reference.tum"),
+    argument("--updates", type=Path, metavar="FILE.csv", help="write innovation, NIS and R of each update"),
 )
 def export_command(arguments: argparse.Namespace) -> None:
     """Write the trajectories of a stored run (TUM), or its measurement updates with the adapted R.
