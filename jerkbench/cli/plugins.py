@@ -29,8 +29,8 @@ def list_command(arguments: argparse.Namespace) -> None:
 
 
 @command(
-    argument("kind", help="dataset, disturbance, attitude, filter, adaptation, ...; optional"),
-    argument("name", nargs="?"),
+    argument("kind", help="dataset, disturbance, attitude, filter, adaptation, ..."),
+    argument("name"),
     OUTPUT_FORMAT,
 )
 def show_command(arguments: argparse.Namespace) -> None:
@@ -42,12 +42,8 @@ def show_command(arguments: argparse.Namespace) -> None:
     Raises:
         PluginError: The name is unknown.
     """
-    from jerkbench.plugins.catalogue import kind_of, show_text, shown_json
+    from jerkbench.plugins.catalogue import show_text, shown_json
 
-    if arguments.name is None and "=" in arguments.kind:  # KIND=NAME is accepted, because `run` uses this form
-        arguments.kind, _, arguments.name = arguments.kind.partition("=")
-    if arguments.name is None:
-        arguments.kind, arguments.name = kind_of(arguments.kind), arguments.kind
     if arguments.format == "json":
         print_json(shown_json(arguments.kind, arguments.name))
     else:
