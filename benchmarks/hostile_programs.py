@@ -120,26 +120,16 @@ DISGUISES: Mapping[str, Callable[[Path], None]] = {
 def study_words(study: Path, whole: Path) -> dict[str, list[str]]:
     """Return the command lines that open a study."""
     folder = str(study)
-    key = pq.read_table(program_or_any(study))["cell.key"][0].as_py()
     return {
         "table": ["table", folder],
-        "table --costs": ["table", folder, "--costs"],
         "table --findings": ["table", folder, "--findings"],
         "compare": ["compare", folder, str(whole)],
-        "rerun": ["rerun", folder, key],
-        "export": ["export", folder, key, "--tum", str(study / "tum")],
+        "rerun": ["rerun", folder, "1"],
+        "export": ["export", folder, "1", "--tum", str(study / "tum")],
         "cite": ["cite", folder],
         "figures": ["figures", folder],
         "report": ["report", folder, "--scenarios", "1"],
     }
-
-
-def program_or_any(study: Path) -> Path:
-    """Return the file with the combination of the program, or the first file if the disguise hides the program."""
-    try:
-        return program_part(study)
-    except FileNotFoundError:
-        return min((study / "cells").glob("*.parquet"))
 
 
 def as_given(entry: Path) -> None:

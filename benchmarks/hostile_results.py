@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 
 from jerkbench.cli import main
 from jerkbench.errors import NOT_COMPARABLE
-from jerkbench.jobs.store import REQUIRED_COLUMNS, Store, content_of, part_name
+from jerkbench.jobs.store import REQUIRED_COLUMNS, content_of, part_name
 
 Rng = np.random.Generator
 STRANGE = (
@@ -175,7 +175,6 @@ def words_for(study: Path, whole: Path) -> dict[str, list[str]]:
         whole: folder of the undamaged study for `jerkbench compare`.
     """
     folder = str(study)
-    key = next(iter(Store(study).keys_from("")), "0")
     return {
         "table": ["table", folder],
         "table csv": ["table", folder, "--format", "csv"],
@@ -184,7 +183,6 @@ def words_for(study: Path, whole: Path) -> dict[str, list[str]]:
         "compare": ["compare", folder, str(whole)],
         "compare back": ["compare", str(whole), folder, "--fail-above", "1"],
         "rerun": ["rerun", folder, "1"],
-        "rerun key": ["rerun", folder, key],
         "export": ["export", folder, "2", "--tum", str(study / "tum")],
         "report": ["report", folder, "--scenarios", "0"],
         "figures": ["figures", folder, "--scenarios", "0"],

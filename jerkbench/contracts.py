@@ -480,7 +480,8 @@ def changes_nothing(adaptation: object) -> bool:
 
 def part_read(metric: object) -> Literal["attitude", "updates", "everything"]:
     """Return the part of an estimate that a metric reads."""
-    return getattr(metric, "reads", "everything")
+    reads = getattr(metric, "reads", "everything")
+    return "attitude" if reads == "attitude" else "updates" if reads == "updates" else "everything"
 
 
 def axis_models(model: Filter, lengths_s: FloatArray, dt0_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:

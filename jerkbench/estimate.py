@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.recording import shown, stamps_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -134,14 +133,6 @@ class Estimate:
         columns = {name: values[:, k] for names, values in parts.items() for k, name in enumerate(names)}
         stamps = {} if t_s is None else {"t_s": t_s[self.index]}
         return pd.DataFrame({**stamps, **columns}, index=pd.Index(self.index, name="reference_row"))
-
-    def _repr_html_(self) -> str:
-        """Return HTML for notebooks: number of estimates and updates, and final standard deviation of the position."""
-        lines = {"estimates": str(len(self.index)), "updates": stamps_text(self.updates.t_s)}
-        if len(self.index) and not self.attitude_only:
-            sigma = np.sqrt(np.diagonal(self.covariance[-1])[:3])
-            lines["at its end"] = "sigma of the position " + ", ".join(f"{value:.3g}" for value in sigma) + " m"
-        return shown("Estimate", lines | ({"stopped early": self.failure} if self.failure else {}))
 
 
 @dataclass(frozen=True, eq=False)

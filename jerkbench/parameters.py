@@ -50,17 +50,12 @@ class Range:
             return math.log((1.0 - value) / (1.0 - self.low)) / math.log((1.0 - self.high) / (1.0 - self.low))
         return (value - self.low) / (self.high - self.low)
 
-    def mistake(self) -> str:
-        """Return a message about an error in the definition of the range, or an empty string if the range is valid."""
-        if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
-            return f"low is {self.low:g} and high {self.high:g}; low < high is needed, both finite"
-        if self.log and self.toward_one:
-            return "log and toward_one are both True; a range has only one scale"
-        if self.log and self.low <= 0:
-            return f"low is {self.low:g}; on a logarithmic scale it must be above 0"
-        if self.toward_one and self.high >= 1:
-            return f"high is {self.high:g}; with toward_one it must be below 1"
-        return "" if self.source else "source is empty; give the origin of the bounds"
+    @property
+    def valid(self) -> bool:
+        """True if the bounds are finite and suit the scale of the range, and the source of the bounds is given."""
+        suits = (self.low > 0 or not self.log) and (self.high < 1 or not self.toward_one)
+        finite = -math.inf < self.low < self.high < math.inf
+        return finite and suits and not (self.log and self.toward_one) and bool(self.source)
 
     def __str__(self) -> str:
         scale = ", logarithmic" if self.log else ", logarithmic in 1 - x" if self.toward_one else ""
@@ -103,6 +98,7 @@ class Limited:
 
 NOT_NEGATIVE = Limit(lambda value: 0 <= value < math.inf, "it must be zero or positive, and finite.")
 ABOVE_ZERO = Limit(lambda value: 0 < value < math.inf, "it must be a positive number.")
+AT_LEAST_ONE = Limit(lambda value: value >= 1, "it must be at least 1.")
 
 
 SWITCH = Range(0.0, 1.0, source="off or on")
@@ -174,12 +170,9 @@ class Provenance:
         """Return a message about an invalid kind, source or note, or an empty string if the provenance is valid."""
         if self.kind not in get_args(Provenance.__annotations__["kind"]):
             return f"kind is {self.kind!r}; it must be published, simplified or own"
-        if self.kind != "own" and not self.source:
-            return f"source is empty; a {self.kind} method needs a DOI, or authors and year"
-        if (self.kind == "published") != (not self.note):
-            need = "must be empty" if self.note else "is empty; name the parts that are left out, or the idea"
-            return f"the note of a {self.kind} method {need}"
-        return "" if not self.note or self.note.endswith(".") else "the note must end with a full stop"
+        if (self.kind != "own" and not self.source) or (self.kind == "published") != (not self.note):
+            return "a published method needs a source and no note, and other methods need a note (see Provenance)"
+        return ""
 
     def __str__(self) -> str:
         source = f" ({self.source})" if self.source else ""
@@ -212,8 +205,9 @@ def range_problems(cls: type) -> Iterator[str]:
     defaults = {f.name: f.default for f in dataclasses.fields(cls)}
     for name, bounds in ranges_of(cls).items():
         subject, default = f"{cls.__name__}.{name}", defaults[name]
-        if bounds.mistake():
-            yield f"The range of {subject} is not valid: {bounds.mistake()}."
+        if not bounds.valid:
+            needs = "finite bounds (low < high, above 0 with log, below 1 with toward_one), one scale and a source"
+            yield f"The range of {subject} is not valid; it needs {needs}."
         elif not isinstance(default, int | float) or isinstance(default, bool) != (type_of(cls, name) is bool):
             yield f"{subject} has a range and the default {default!r}; a search needs a number to start from."
         elif not bounds.low <= default <= bounds.high:

@@ -4,13 +4,20 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 from jerkbench.errors import PluginError, require_known
+from jerkbench.parameters import Limit, Limited
 from jerkbench.recording import Recording
+
+_FACTOR = Limit(
+    lambda factor: isinstance(factor, float) and 0 < factor < math.inf,
+    "r_scale needs positive numbers (1 leaves R as reported).",
+)
 
 
 @dataclass(frozen=True)
-class RScale:
+class RScale(Limited):
     """Factors on the reported covariances R. The factors are tunable parameters, like the process noise.
 
     The factors change neither the measurements nor the true covariances nor the attitude.
@@ -20,14 +27,8 @@ class RScale:
         velocity: Factor on the covariance of each velocity [-].
     """
 
-    position: float = 1.0
-    velocity: float = 1.0
-
-    def __post_init__(self) -> None:
-        for name in ("position", "velocity"):
-            value = getattr(self, name)
-            if not 0 < value < math.inf:
-                raise PluginError(f"r_scale.{name} is {value}; give a positive number (1 leaves R as reported).")
+    position: Annotated[float, _FACTOR] = 1.0
+    velocity: Annotated[float, _FACTOR] = 1.0
 
     @property
     def changed(self) -> dict[str, float]:
@@ -41,15 +42,12 @@ def scale_of(values: object) -> RScale:
     Raises:
         PluginError: ``values`` is not a mapping, a key is unknown, or a factor is not a positive number.
     """
-    known = [f.name for f in dataclasses.fields(RScale)]
     factors = {} if values is None else values
     if not isinstance(factors, Mapping):
         raise PluginError(f"r_scale is {factors}; give two factors: r_scale.position=2 r_scale.velocity=0.5.")
-    for name, value in factors.items():
-        require_known("parameter of r_scale", str(name), known)
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise PluginError(f"r_scale.{name} is {value}; give a positive number (1 leaves R as reported).")
-    return RScale(**{name: float(value) for name, value in factors.items()})
+    for name in factors:
+        require_known("parameter of r_scale", str(name), [f.name for f in dataclasses.fields(RScale)])
+    return RScale(**{name: float(value) if type(value) is int else value for name, value in factors.items()})
 
 
 AS_REPORTED = RScale()

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import cached_property
-from html import escape
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -20,20 +19,6 @@ from jerkbench.arrays import BoolArray, FloatArray, frozen, require, require_cov
 from jerkbench.errors import RecordingError
 
 # HTML that notebooks display.
-
-
-def shown(title: str, values: Mapping[str, str]) -> str:
-    """Return HTML with a title and a table that has one line for each value."""
-    lines = (f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in values.items())
-    return f"<section><h4>{escape(title)}</h4><table>{''.join(lines)}</table></section>"
-
-
-def stamps_text(t_s: FloatArray) -> str:
-    """Return a text with the number of time stamps, the first and the last time, and the rate."""
-    if len(t_s) == 0:
-        return "none"
-    rate = f", {(len(t_s) - 1) / (t_s[-1] - t_s[0]):.3g} Hz" if len(t_s) > 1 else ""
-    return f"{len(t_s)} from {t_s[0]:.2f} to {t_s[-1]:.2f} s{rate}"
 
 
 # The origin of the local coordinates of a recording.
@@ -429,22 +414,9 @@ class Recording:
         return float(self.clock_s[-1])
 
     def __repr__(self) -> str:
-        counts = {name: len(t_s) for name, t_s in self._stamps().items()} | {"reference": len(self.reference.t_s)}
-        streams = ", ".join(f"{name} {count}" for name, count in counts.items())
-        return f"Recording({self.name!r}, {self.duration_s:.2f} s: {streams})"
-
-    def _repr_html_(self) -> str:
-        """Return HTML for notebooks with the time stamps of each kind of measurement, and the notes."""
-        lines = {name: stamps_text(t_s) for name, t_s in self._stamps().items()}
-        independent = "" if self.reference.independent else ", not independent"
-        lines["reference"] = f"{stamps_text(self.reference.t_s)}; {self.reference.source}{independent}"
-        outages = ", ".join(f"{begin:g} to {end:g} s" for begin, end in self.outages_s)
-        return shown(self.name, lines | ({"outages": outages} if outages else {}) | dict.fromkeys(self.notes, ""))
-
-    def _stamps(self) -> dict[str, FloatArray]:
-        """Return the time stamps of each kind of measurement [s], by the name of the field."""
-        streams = {"imu": self.imu, "position": self.position, "velocity": self.velocity, "heading": self.heading}
-        return {name: stream.t_s for name, stream in streams.items() if stream is not None}
+        streams = {name: getattr(self, name) for name in ("imu", "position", "velocity", "heading", "reference")}
+        counts = ", ".join(f"{name} {len(stream.t_s)}" for name, stream in streams.items() if stream is not None)
+        return f"Recording({self.name!r}, {self.duration_s:.2f} s: {counts})"
 
     def _require_fixes(self) -> None:
         """Check a recording without an IMU: two position fixes are required, and the velocity must be in ENU."""

@@ -1,5 +1,7 @@
 """Stored cells as a run leaves them, made without one."""
 
+import pyarrow.parquet as pq
+
 from jerkbench.jobs.store import RowBlock, Store, table_of
 
 LABELS = {
@@ -62,3 +64,9 @@ def drop(store, keys):
     for cell in cells:
         if cell.key not in keys:
             store_cell(store, cell.key, cell.rows.to_dict("records"), cell.metadata)
+
+
+def keys_of(folder):
+    """The keys of all cells of a study, complete or not."""
+    tables = (pq.read_table(path, columns=["cell.key"]) for path in (folder / "cells").glob("*.parquet"))
+    return sorted({key for table in tables for key in table["cell.key"].to_pylist()})

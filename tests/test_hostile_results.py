@@ -157,8 +157,6 @@ def test_a_signed_cell_that_lacks_something_is_damaged(whole, hostile, tmp_path,
 
     assert ending(["table", str(folder)]) == 0
     assert f"1 damaged file of results is left out: {signed.stem}." in capsys.readouterr().out
-    assert ending(["rerun", str(folder), signed.stem]) == 2
-    assert "is damaged" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -173,7 +171,7 @@ def test_a_signed_cell_that_lacks_something_is_damaged(whole, hostile, tmp_path,
         (
             "cell.protocol",
             {"seeds": 10**9, "first_seed": 0, "burn_in_s": 5.0, "divergence_limit_m": 1000.0},
-            "a combination has at",
+            "give 1 to 100000.",
         ),
     ],
 )
@@ -189,8 +187,9 @@ def test_a_forged_configuration_of_any_size_is_refused_at_once(
     )
     hostile.sign(path, table.set_column(place, column, values))
     begun = time.monotonic()
+    number = list(load_study(folder).keys).index(table["cell.key"][0].as_py()) + 1
 
-    assert ending(["rerun", str(folder), table["cell.key"][0].as_py()]) == 2
+    assert ending(["rerun", str(folder), str(number)]) == 2
     printed = capsys.readouterr()
     assert sentence in printed.err
     assert len(printed.err) < 10_000

@@ -1,7 +1,5 @@
 """The verbs that read results, as a person uses them, over one small study."""
 
-import io
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -25,8 +23,6 @@ def test_a_row_is_run_again_with_the_same_numbers(study):
     assert done.returncode == 0, done.stdout
     assert "0 of " in done.stdout
     assert " numbers differ." in done.stdout
-    key = Store(study).keys_from("")[0]
-    assert verb("rerun", str(study), f"{key[:8]}:1", cwd=study).returncode == 0
 
 
 def changed_copy(study, folder, factor, count=None):
@@ -125,8 +121,7 @@ def test_every_figure_of_a_study_is_drawn(study, tmp_path):
     ("words", "said"),
     [
         (("rerun", "99"), "has no row 99; give a row from 1 to 16"),
-        (("rerun", "zzz"), "0 keys begin with 'zzz'"),
-        (("rerun", ":1"), "8 keys begin"),
+        (("rerun", "zzz"), "'zzz' is not a valid number"),
         (("export", "1", "--tum", "rows.csv/x"), "rows.csv/x cannot be read or written: Not a directory;"),
         (("report", "--scenarios", "-1"), "'-1' is not a valid number; give an integer, 0 or more"),
         (("figures", "--scenarios", "two"), "There is no scenario 'two'."),
@@ -134,9 +129,7 @@ def test_every_figure_of_a_study_is_drawn(study, tmp_path):
         (("figures", "--methods", "baseline+jerk"), "There is no method 'baseline+jerk'."),
         (("figures", "--seed", "99"), "The study has no seed 99; its seeds are from 0"),
         (("report", "--scenarios", "0", "--out", "rows.csv/x.html"), "rows.csv"),
-        (("report", "--out", ""), "the path is empty"),
         (("report", "--out", "."), "is a folder; give the name of a file"),
-        (("figures", "--out", ""), "the path is empty"),
         (("table", "--metric", "status"), "There is no metric 'status'"),
         (("table", "--metric", "seed"), "There is no metric 'seed'"),
     ],
@@ -171,9 +164,3 @@ def test_ten_findings_are_printed_and_all_on_request(tmp_path):
     assert few == [*every[:10], "5 more comparisons: --findings --all prints them."]
 
 
-def test_the_time_a_step_stands_below_the_table(study):
-    text = verb("table", str(study), "--costs", "--format", "csv", cwd=study).stdout
-    costs = pd.read_csv(io.StringIO(text[text.rindex("metric,") :]))
-    assert set(costs["metric"]) == {"step_ns"}
-    assert len(costs) == 4
-    assert costs["mean"].between(1, 1e6).all()

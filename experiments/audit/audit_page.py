@@ -25,7 +25,6 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.campaign.answer import (
     MIN_DRIVES,
     NO_FAULT,
-    SECOND,
     AuditAnswer,
     answered,
     counts_of,
@@ -193,8 +192,9 @@ def told_truth(answer: AuditAnswer) -> dict[str, float]:
 ELSEWHERE = ("journeys", "vehicles", "attitude")
 """Studies beside the audit, of real recordings; what each found stands in its folder, in `FOUND`."""
 FOUND = "answer.md"
-SECOND_AUDIT = "audit-second"
-"""Folder of a second audit, with other drives and other tunings, next to the folder of the first."""
+SECOND_AUDIT, SECOND = "audit-second", "second.md"
+"""Folder of a second audit, with other drives and other tunings, next to the folder of the first, and a file in the
+folder of the first audit with the comparison of the two audits."""
 FAULTY, NOTHING_KNOWN, MIN_BAD = "faulty", "nothing known", "the worst kind should be as good as possible"
 EQUAL = f"equal within {100 * SMALL_MARGIN:.0f} %"
 SHOWN = 15
@@ -440,6 +440,27 @@ def _texts(paths: Iterable[Path]) -> str:
     return "\n\n".join(path.read_text(encoding="utf-8").strip() for path in paths if path.exists())
 
 
+def compared_text(methods: Sequence[AuditMethod], first: Statements, second: Statements) -> str:
+    """Return text with the number of verdicts that differ between two audits, and a list of the reversed verdicts."""
+    families = ("own", first.same_model_plain, second.same_model_plain), ("best", first.best_plain, second.best_plain)
+    changed = [
+        (method.name, against, one.verdict, other.verdict)
+        for against, *pair in families
+        for method, one, other in zip(methods, *pair, strict=True)
+        if one.verdict is not other.verdict
+    ]
+    opposite = [change for change in changed if {*change[2:]} == {Verdict.BETTER, Verdict.WORSE}]
+    head = (
+        f"A second audit with other drives and other tunings changes {len(changed)} of {2 * len(methods)} verdicts;"
+        f" {len(opposite)} change between better and worse{', which is a defect' * bool(opposite)}. The error of the"
+        f" average adaptation divided by the error of the plain filter is {first.average} in the first audit and"
+        f" {second.average} in the second audit. The error of the method that is best in tuning, divided by the error"
+        f" of the best plain filter, is {first.pick} in the first audit and {second.pick} in the second audit."
+    )
+    lines = (f"\n- {name}, {against} plain filter: {one}, then {other}" for name, against, one, other in opposite)
+    return head + "".join(lines)
+
+
 def reweighted_text(rows: AuditRows, mixture: str) -> str:
     """Say what the audit would say of another mixture."""
     said = reweighted(rows, losses_of(rows), mixture)
@@ -454,7 +475,12 @@ def main() -> None:
     parser.add_argument(
         "--reweight", metavar="KIND=SHARE", help="print the answer for another share of a kind of fault"
     )
+    parser.add_argument("--second", type=Path, metavar="FOLDER", help="compare with another audit of the same methods")
     chosen = parser.parse_args()
+    if chosen.second:
+        audits = [read_rows(folder) for folder in (chosen.folder, chosen.second)]
+        text = compared_text(audits[0].protocol.methods, *(statements(losses_of(rows)) for rows in audits))
+        write_text(chosen.folder / SECOND, text)
     if chosen.reweight:
         print(reweighted_text(read_rows(chosen.folder), chosen.reweight))
     else:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.evaluation.intervals import student_intervals
-from jerkbench.evaluation.over_seeds import mean_interval
+from jerkbench.evaluation.over_seeds import Samples, mean_intervals
 
 METRIC = "position_rmse_m"
 SCENARIO = ["dataset", "disturbance"]
@@ -30,8 +30,8 @@ def cell(values: pd.Series) -> str:
     """Mean with its interval, and how many runs diverged."""
     run = values.dropna()
     kept, lost = run[np.isfinite(run)], int(np.isinf(run).sum())
-    mean = mean_interval(kept.to_numpy())
-    text = f"{mean.mean:.3g} [{mean.low:.3g}, {mean.high:.3g}]" if len(kept) else ""
+    (mean,), (low,), (high,) = mean_intervals(Samples.of([kept.to_numpy()]))
+    text = f"{mean:.3g} [{low:.3g}, {high:.3g}]" if len(kept) else ""
     return f"{text} {lost}/{len(run)} diverged".strip() if lost else text
 
 

@@ -21,8 +21,7 @@ from jerkbench.campaign.audit import (
     read_audit_manifest,
     read_rows,
 )
-from jerkbench.campaign.protocol import PUBLISHED, AuditMethod
-from jerkbench.errors import JerkbenchError
+from jerkbench.campaign.protocol import PUBLISHED
 from jerkbench.evaluation.drives_and_tunings import (
     Error,
     Losses,
@@ -40,8 +39,6 @@ from jerkbench.parameters import provenance_of
 
 AUDIT_FOLDER = "audit-"
 """Prefix of the name of the folder of an audit. The name of the protocol follows the prefix."""
-SECOND = "second.md"
-"""File with the comparison of this audit with an audit that used other drives and other tunings."""
 FAULT = "drawn.fault."
 """Prefix of the columns for kinds of fault in the table of drives. A value is missing if the drive lacks the fault."""
 NO_FAULT = "no fault"
@@ -279,38 +276,3 @@ def answer_summary(answer: AuditAnswer, commit: str) -> dict[str, object]:
         "error": answer.error._asdict(),
     }
     return dict(json.loads(pd.Series(summary).to_json(double_precision=12)))
-
-
-def compare_audits(folder: Path, other: Path) -> str:
-    """Compare two audits of the same methods, and write the differences to the folder of the first audit.
-
-    Raises:
-        JerkbenchError: An audit is missing, or the two audits have different methods.
-    """
-    rows = [read_rows(each) for each in (folder, other)]
-    if rows[0].protocol.methods != rows[1].protocol.methods:
-        raise JerkbenchError(f"{folder} and {other} have different methods; give two audits of the same methods.")
-    text = compared_text(rows[0].protocol.methods, *(statements(losses_of(each)) for each in rows))
-    write_text(folder / SECOND, text)
-    return text
-
-
-def compared_text(methods: Sequence[AuditMethod], first: Statements, second: Statements) -> str:
-    """Return text with the number of verdicts that differ between two audits, and a list of the reversed verdicts."""
-    families = ("own", first.same_model_plain, second.same_model_plain), ("best", first.best_plain, second.best_plain)
-    changed = [
-        (method.name, against, one.verdict, other.verdict)
-        for against, *pair in families
-        for method, one, other in zip(methods, *pair, strict=True)
-        if one.verdict is not other.verdict
-    ]
-    opposite = [change for change in changed if {*change[2:]} == {Verdict.BETTER, Verdict.WORSE}]
-    head = (
-        f"A second audit with other drives and other tunings changes {len(changed)} of {2 * len(methods)} verdicts;"
-        f" {len(opposite)} change between better and worse{', which is a defect' * bool(opposite)}. The error of the"
-        f" average adaptation divided by the error of the plain filter is {first.average} in the first audit and"
-        f" {second.average} in the second audit. The error of the method that is best in tuning, divided by the error"
-        f" of the best plain filter, is {first.pick} in the first audit and {second.pick} in the second audit."
-    )
-    lines = (f"\n- {name}, {against} plain filter: {one}, then {other}" for name, against, one, other in opposite)
-    return head + "".join(lines)

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -23,7 +22,6 @@ from jerkbench.campaign.stored_files import (
     read_file,
     read_json,
     read_table,
-    require_part,
 )
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.drives_and_tunings import Losses, log_losses
@@ -49,7 +47,7 @@ TABLES = tuple(TABLE_COLUMNS)
 
 _STATED = "protocol.json"
 _FILES = (_STATED, *(f"{name}.parquet" for name in TABLES))
-_TEXTS, _KEYS = (*METHOD_COLUMNS, "status", "knob"), (*METHOD_COLUMNS, "tuning", "tried", "trial", "seed")
+_TEXTS = (*METHOD_COLUMNS, "status", "knob")
 _TYPES: Any = {**dict.fromkeys((*METHOD_COLUMNS, "status"), "category"), "tuning": np.int8, "trial": np.int16}
 _ORIGIN = "Run `jerkbench audit` to its end; runs that are stored are not repeated."
 
@@ -296,46 +294,7 @@ def read_rows(folder: Path) -> AuditRows:
     for name, (*keys, number) in TABLE_COLUMNS.items():
         of_keys = {key: "text" if key in _TEXTS else "whole numbers" for key in keys}
         tables[name] = read_table(folder / f"{name}.parquet", {**of_keys, number: "numbers"}, _ORIGIN)
-    rows = AuditRows(protocol, **tables)
-    _require_complete(rows, folder)
-    return rows
-
-
-def _require_complete(rows: AuditRows, folder: Path) -> None:
-    """Raise an exception if a row of an audit is missing or superfluous, or if the error of a successful run is NaN."""
-    protocol, methods = rows.protocol, [*rows.protocol.competing, *rows.protocol.separate]
-    for name, table in rows.tables.items():
-        number, has_value = TABLE_COLUMNS[name][-1], table["status"] == "ok" if name == "judged" else True
-        fits = (np.isfinite(table[number]) == has_value).all()
-        expected = f"column '{number}' must be finite, except in runs that diverged or failed"
-        require_part(folder / f"{name}.parquet", fits, expected, _ORIGIN)
-    seeds = {(r,): protocol.seeds_to_tune_on(r) for r in range(protocol.tunings)}
-    tunings = [(method, r) for method in methods for r in protocol.tunings_of(method)]
-    trials = {(*method, r): range(max(protocol.searches(method))) for method, r in tunings}
-    _require_once(folder, "drives", rows.drives, "seed", {**seeds, (JUDGED,): protocol.seeds_to_judge_on})
-    _require_once(folder, "tuned", rows.tuned, "trial", trials)
-    found = picks(protocol, rows.tuned).drop(columns="loss").itertuples(index=False, name=None)
-    judges = {group: protocol.judges(AuditMethod(*group[:2])) for group in found}
-    judges |= {(*method, 0, 1, 0): protocol.judges(method) for method in methods}
-    _require_once(folder, "judged", rows.judged, "seed", judges)
-    searches = Counter(method for method, _ in tunings for _ in protocol.searches(method))
-    for key, group in rows.settings.groupby([*METHOD_COLUMNS, "knob"], observed=True):
-        *names, parameter = map(str, key)
-        fits = len(group) == len(group.drop_duplicates(["tuning", "tried"])) == searches[AuditMethod(*names)]
-        expected = f"the value of {parameter} of {', '.join(names)} must be there once for each search"
-        require_part(folder / "settings.parquet", fits, expected, _ORIGIN)
-
-
-def _require_once(folder: Path, name: str, table: pd.DataFrame, each: str, wanted: Mapping[Any, range]) -> None:
-    """Check that a table has exactly one row for each value of the column ``each`` in each group of ``wanted``."""
-    by = [column for column in TABLE_COLUMNS[name] if column in _KEYS and column != each]
-    found = table.groupby(by, observed=True)[each].agg(["size", "nunique", "min", "max"]).reset_index()
-    groups = {tuple(row[: len(by)]): row[len(by) :] for row in found.itertuples(index=False, name=None)}
-    for key in {**wanted, **groups}:
-        values = wanted.get(key, range(0))
-        fits = bool(values) and groups.get(key) == (len(values), len(values), values[0], values[-1])
-        expected = f"the rows of {', '.join(map(str, key))} must be there once for each {each}, and no others"
-        require_part(folder / f"{name}.parquet", fits, expected, _ORIGIN)
+    return AuditRows(protocol, **tables)
 
 
 def write_rows(rows: pd.DataFrame, path: Path) -> None:

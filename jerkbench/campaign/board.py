@@ -5,7 +5,6 @@ import random
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -41,7 +40,6 @@ from jerkbench.jobs.key import data_fingerprint
 from jerkbench.jobs.preflight import require_inputs
 from jerkbench.jobs.progress import Progress
 from jerkbench.notices import plain
-from jerkbench.report.writers import environment
 
 ROW_TOLERANCE = 1e-9
 """Relative tolerance between a stored number and the same number when it is computed again."""
@@ -179,8 +177,8 @@ def _row_mistakes(
             yield f"The {label} {where}: the stored {key} is {before[key]}, the computed one is {computed[key]}."
 
 
-def write_board(folder: Path, count: int) -> list[Path]:
-    """Verify the entries in ``folder``, and write the board of these entries to board.html and board.md.
+def write_board(folder: Path, count: int) -> Path:
+    """Verify the entries in ``folder``, and write the board of these entries to board.md.
 
     For each entry, ``count`` rows are computed again. For an entry that runs a program, no row is computed again.
 
@@ -200,10 +198,8 @@ def write_board(folder: Path, count: int) -> list[Path]:
         reason = f" {remarks[0]}" if remarks else ""
         raise JerkbenchError(f"{folder} contains {content}; a board needs entries of exactly one suite.{reason}")
     board = board_of(checked, read_suite(suites.pop()), [plain(note) for note in remarks])
-    texts = {"board.html": html(board), "board.md": board_markdown(board)}
-    for name, text in texts.items():
-        write_text(folder / name, text)
-    return [folder / name for name in texts]
+    write_text(folder / "board.md", board_markdown(board))
+    return folder / "board.md"
 
 
 def board_of(
@@ -258,19 +254,6 @@ def board_markdown(board: Mapping[str, Any]) -> str:
     table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
     remarks = "".join(f"- {_escaped(text)}\n" for text in board["remarks"])
     return f"# {board['name']}\n\n{board['about']}\n\n{table}\n{remarks}"
-
-
-def html(board: Mapping[str, Any]) -> str:
-    """Return the board as an HTML page. Text from the entries is escaped."""
-    from jinja2 import PackageLoader
-    from markupsafe import Markup
-
-    template = environment().overlay(loader=PackageLoader("jerkbench.campaign")).get_template("board.html")
-    trusted: dict[str, Any] = {
-        "styles": Markup(files("jerkbench.report").joinpath("assets/report.css").read_text(encoding="utf-8")),  # noqa: S704
-        "script": Markup(files("jerkbench.campaign").joinpath("templates/board.js").read_text(encoding="utf-8")),  # noqa: S704
-    }
-    return template.render(board=board, **trusted)
 
 
 def _escaped(text: str) -> str:

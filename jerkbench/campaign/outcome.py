@@ -22,6 +22,8 @@ from jerkbench.report.review import TUNED
 from jerkbench.report.writers import passive
 
 TEMPLATES = Path(__file__).parent / "templates"
+SAMPLER = "sobol"
+"""Name of the sampler in stored files. Earlier versions had several samplers."""
 CURVE = (1, 4, 16, 64, 256, 1024)
 """Numbers of trials at which the budget curve (lowest loss against number of trials) is evaluated."""
 
@@ -40,8 +42,7 @@ def write_tuning(tuning: Tuning, folder: Path, command: str) -> str:
     write_text(folder / "tuning.json", json.dumps(record(tuning), indent=1) + "\n")
     write_text(folder / "trials.csv", trial_table(tuning).to_csv(index=False, lineterminator="\n"))
     if not is_attitude_only(tuning.job.method.filter):
-        for name, text in other_programs(tuning).items():
-            write_text(folder / "export" / name, text)
+        write_text(folder / "export" / "robot_localization.yaml", robot_localization(tuning))
     return page
 
 
@@ -52,7 +53,7 @@ def record(tuning: Tuning) -> dict[str, Any]:
     return {
         "method": tuning.name,
         "objective": tuning.objective.name,
-        "sampler": tuning.budget.sampler,
+        "sampler": SAMPLER,
         "trials": len(tuning.outcome.trials),
         "split": tuning.cases.split,
         "setting": dict(zip(names, tuning.setting, strict=True)),
@@ -63,7 +64,7 @@ def record(tuning: Tuning) -> dict[str, Any]:
         "lost_before": score.failed_before,
         "runs": score.runs,
         "budget_curve": budget_curve(tuning.outcome.trials),
-        "restarts": [float(restart.tuned.mean()) for restart in tuning.scores],
+        "restarts": [float(score.tuned.mean())],
         "edges": tuning.space.at_edge(tuning.setting),
     }
 
@@ -205,13 +206,13 @@ def notes_of_tuning(tuning: Tuning) -> list[str]:
     attitude_only = is_attitude_only(tuning.job.method.filter)
     search = {
         "objective": tuning.objective.name,
-        "budget": asdict(budget),
+        "budget": {**asdict(budget), "sampler": SAMPLER, "restarts": 1},
         "split": cases.split,
         "scenarios": [case.labels.scenario for case in cases.tune] if not attitude_only else [],
     }
     plain = "mekf" if attitude_only else "the plain filter of the same model"
     effort = f"{TUNED}objective={tuning.objective.name}, trials={budget.trials}, finalists={budget.finalists}"
-    effort = f"{effort}, sampler={budget.sampler}"
+    effort = f"{effort}, sampler={SAMPLER}"
     ranges = ", ".join(f"{parameter.name} {parameter.bounds}" for parameter in tuning.space.parameters)
     parts = {"filter", "adaptation"} - {parameter.part for parameter in tuning.space.parameters}
     untuned = [f"{part} {tuning.job.spec[part]['name']}" for part in sorted(parts) if fields(tuning.job.part(part))]
@@ -248,82 +249,52 @@ def _text(first_line: str, content: dict[str, Any]) -> str:
     return f"# {first_line}\n{OmegaConf.to_yaml(OmegaConf.create(content))}"
 
 
-MGAL_PER_MG = 980.665
 HOUR_S = 3600.0
 UNDECIDED = (0.05, 0.05, 0.06, 0.03, 0.03, 0.06, 0.025, 0.025, 0.04, 0.01, 0.01, 0.02, 0.01, 0.01, 0.015)
 """Default process noise variances of robot_localization: x y z, roll pitch yaw, their rates, and ax ay az."""
 
-CORRELATION_H = 1.0
-"""Correlation time of the biases that is written for KF-GINS if the tuned filter has a random walk bias [h]."""
 
+def robot_localization(tuning: Tuning) -> str:
+    """Return the text of a configuration file for robot_localization with the tuned parameters.
 
-def other_programs(tuning: Tuning) -> dict[str, str]:
-    """Return the text of configuration files for other navigation programs, with the tuned parameters, by file name.
-
-    Comments in the configuration files list the parameters that cannot be converted.
+    Comments in the file list the parameters that cannot be converted.
     """
     spec = tuning.space.applied(tuning.job, tuning.setting).spec
-    values = {
-        f"{part}.{key}": float(value)
-        for part in ("filter", "adaptation", "r_scale")
-        for key, value in spec[part].items()
-        if isinstance(value, int | float) and not isinstance(value, bool)
-    }
-    density, walk = _velocity_density(values, tuning.interval_s), values.get("filter.accel_walk_mps2_per_sqrt_s")
+    density, walk = (
+        _velocity_density(spec["filter"], tuning.interval_s),
+        spec["filter"].get("accel_walk_mps2_per_sqrt_s"),
+    )
     variances = list(UNDECIDED)
     if density is not None:
         variances[6:9] = [density] * 3
     if walk is not None:
         variances[12:15] = [walk**2] * 3
-    noise, gate, name = _imu_noise(values, density), _gate(values), str(spec["adaptation"]["name"])
-    filter_values = {key.partition(".")[2]: value for key, value in values.items() if key.startswith("filter.")}
-    adaptation = f"Does not map: the adaptation {name}. Without it, the tuned noises need not be the best."
-    if name == "chi2" and gate:
-        distance = f"sqrt(chi2(p, 3)) = {gate:.4g}"
-        adaptation = f"The adaptation chi2 is a gate in robot_localization, {distance}. Other programs do not have it."
-    content = {
-        "values": values,
-        "density": density,
-        "walk": walk,
-        "diagonal": np.diag(variances).ravel().tolist() if (density, walk) != (None, None) else [],
-        "noise": noise,
-        "vrw": noise["vrw"],
-        "own": filter_values if spec["filter"]["name"] == "eskf15" else None,
-        "gate": gate,
-        "adaptation": adaptation if name != "none" else "",
-    }
-    names = ("robot_localization.yaml", "kf-gins.yaml", "eskf15.yaml")
-    return {name: filled_template(TEMPLATES / f"{name}.jinja", {"g": "{:.6g}".format}, **content) for name in names}
+    return filled_template(
+        TEMPLATES / "robot_localization.yaml.jinja",
+        {"g": "{:.6g}".format},
+        r_scale=spec["r_scale"],
+        density=density,
+        walk=walk,
+        diagonal=np.diag(variances).ravel().tolist() if (density, walk) != (None, None) else [],
+        gate=_gate(spec["adaptation"]),
+        adaptation=spec["adaptation"]["name"],
+    )
 
 
-def _velocity_density(values: Mapping[str, float], interval_s: float | None) -> float | None:
+def _velocity_density(model: Mapping[str, Any], interval_s: float | None) -> float | None:
     """Return the power spectral density of the velocity random walk [m2/s3], or None if no parameter defines it."""
-    if (sigma := values.get("filter.accel_mps2")) is not None and interval_s is not None:
-        return sigma**2 * interval_s
-    if (walk := values.get("filter.velocity_walk_mps_per_sqrt_s")) is not None:
-        return walk**2
-    if (walk := values.get("filter.velocity_random_walk_mps_per_sqrt_h")) is not None:
-        return walk**2 / HOUR_S
+    if (sigma := model.get("accel_mps2")) is not None and interval_s is not None:
+        return float(sigma**2 * interval_s)
+    if (walk := model.get("velocity_walk_mps_per_sqrt_s")) is not None:
+        return float(walk**2)
+    if (walk := model.get("velocity_random_walk_mps_per_sqrt_h")) is not None:
+        return float(walk**2 / HOUR_S)
     return None
 
 
-def _imu_noise(values: Mapping[str, float], density: float | None) -> dict[str, float | None]:
-    """Return the parameters of the section ``imunoise`` of KF-GINS. A parameter that the filter lacks is None."""
-    noise: dict[str, float | None] = dict.fromkeys(("arw", "vrw", "gbstd", "abstd", "corrtime"))
-    noise["vrw"] = None if density is None else math.sqrt(density * HOUR_S)
-    instability, walk = (values.get(f"filter.{n}") for n in ("accel_instability_mg", "bias_mps2_per_sqrt_s"))
-    if instability is not None:
-        noise["arw"] = values.get("filter.angle_random_walk_deg_per_sqrt_h")
-        noise["gbstd"] = values.get("filter.gyro_instability_deg_per_h")
-        noise |= {"abstd": instability * MGAL_PER_MG, "corrtime": values["filter.accel_correlation_s"] / HOUR_S}
-    elif walk is not None:  # the driving noise of a Gauss-Markov process has the density 2 sigma^2/tau = walk^2
-        noise |= {"abstd": 1e5 * (walk * math.sqrt(CORRELATION_H * HOUR_S / 2.0)), "corrtime": CORRELATION_H}
-    return noise
-
-
-def _gate(values: Mapping[str, float]) -> float | None:
+def _gate(adaptation: Mapping[str, Any]) -> float | None:
     """Return the Mahalanobis distance above which an adaptation drops measurements, or None if it has no threshold."""
-    if (probability := values.get("adaptation.probability")) is None:
+    if (probability := adaptation.get("probability")) is None:
         return None
     from scipy.stats import chi2
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from jerkbench.campaign.space import Setting, Space
 from jerkbench.errors import PluginError, RecordingError, require_known
 from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.job import Job, Protocol
+from jerkbench.parameters import Limit, Limited
 from jerkbench.presets import preset
 from jerkbench.recording import Recording
 
@@ -182,10 +183,8 @@ PUBLISHED = ("published", "simplified")
 """Kinds of provenance of the adaptations over which hypothesis H1 averages, and from which hypothesis H2 selects."""
 MAX_DRIVES = 10_000
 """Number of seeds that are reserved for an audit, which is the maximum number of drives of the audit."""
-MIN_JUDGED = 64
-"""Minimum number of evaluation drives. With fewer drives, most kinds of fault occur too rarely for an interval."""
-MIN_TUNINGS = 3
-"""Minimum number of independent tunings. The intervals need an estimate of the third moment."""
+_INTERVALS = "so that an interval can be computed for each kind of fault"
+_SPREAD = "so that the spread between tunings can be estimated"
 
 
 class AuditMethod(NamedTuple):
@@ -201,7 +200,7 @@ class AuditMethod(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class AuditProtocol:
+class AuditProtocol(Limited):
     """The protocol of an audit. Comments in conf/audit/full.yaml describe the attributes that are not listed here.
 
     Attributes:
@@ -213,9 +212,9 @@ class AuditProtocol:
     repeat: int
     dataset: str
     laws: Mapping[str, Any]
-    tunings: int
+    tunings: Annotated[int, Limit(lambda count: count >= 3, f"give 3 or more, {_SPREAD}.")]
     tune_drives: int
-    judged_drives: int
+    judged_drives: Annotated[int, Limit(lambda count: count >= 64, f"give 64 or more, {_INTERVALS}.")]
     trials: int
     plain_trials: int
     filters: tuple[str, ...]
@@ -233,18 +232,13 @@ class AuditProtocol:
     only: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in (*self.adaptations, *self.only, self.plain, *self.references):
             plugins.get("adaptation", name)
         for name in (*self.filters, *self.apart, *self.apart_with_adaptations):
             plugins.get("filter", name)
         if (drives := self.tunings * self.tune_drives + self.judged_drives) > MAX_DRIVES:
             raise PluginError(f"The audit has {drives} drives for tuning and judging; the maximum is {MAX_DRIVES}.")
-        for name, least, reason in (
-            ("judged_drives", MIN_JUDGED, "so that an interval can be computed for each kind of fault"),
-            ("tunings", MIN_TUNINGS, "so that the spread between tunings can be estimated"),
-        ):
-            if getattr(self, name) < least:
-                raise PluginError(f"{name} is {getattr(self, name)}; give {least} or more, {reason}.")
 
     @cached_property
     def digest(self) -> str:

@@ -3,28 +3,29 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from jerkbench import plugins
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.campaign.runs import CampaignRuns
-from jerkbench.campaign.space import Setting, Space, sampler_of
+from jerkbench.campaign.runs import CampaignRuns, tried_settings
+from jerkbench.campaign.space import Setting, Space
 from jerkbench.campaign.split import Cases
 from jerkbench.contracts import is_attitude_only
 from jerkbench.errors import PluginError, RecordingError, require_known
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.progress import Progress
+from jerkbench.parameters import AT_LEAST_ONE, NOT_NEGATIVE, Limited
 from jerkbench.r_scale import RScale
 from jerkbench.recording import Recording
 
 FAILED_RUN = math.log(100.0)
 """The loss of a failed run and the limit of all losses: log 100, for 100 times the error of the plain filter."""
 SETTINGS_AT_ONCE = 16
-"""Number of settings that are evaluated as one block. An adaptive sampler receives the losses after each block."""
+"""Number of settings that are evaluated as one block."""
 
 
 def log_losses_to(values: FloatArray, level: FloatArray | float) -> FloatArray:
@@ -220,30 +221,18 @@ def plain_job(job: Job) -> Job:
 
 
 @dataclass(frozen=True)
-class Budget:
+class Budget(Limited):
     """The budget of a tuning. All methods of a comparison have the same budget.
 
     Attributes:
         trials: Number of settings that a search evaluates, including the setting before the search.
-        sampler: Name of the sampler: sobol, tpe or cma_es.
         finalists: Number of the best settings that are evaluated again on the validation cases.
-        seed: Seed of the sampler.
-        restarts: Number of searches with different seeds. The tuning uses the setting of the first search. The other
-            searches show how much the result of a search depends on chance.
+        seed: Seed of the Sobol sequence, from which the settings are taken.
     """
 
-    trials: int = 64
-    sampler: str = "sobol"
-    finalists: int = 8
-    seed: int = 0
-    restarts: int = 1
-
-    def __post_init__(self) -> None:
-        if self.trials < 1 or self.finalists < 1 or self.seed < 0:
-            given = f"trials is {self.trials}, finalists is {self.finalists} and sampler_seed is {self.seed}"
-            raise PluginError(f"{given}; trials and finalists must be at least 1, and sampler_seed at least 0.")
-        if self.restarts < 1:
-            raise PluginError(f"restarts is {self.restarts}; give 1 or more.")
+    trials: Annotated[int, AT_LEAST_ONE] = 64
+    finalists: Annotated[int, AT_LEAST_ONE] = 8
+    seed: Annotated[int, NOT_NEGATIVE] = 0
 
 
 Advance = Callable[[int], object]
@@ -274,20 +263,13 @@ def search(evaluator: Evaluator, cases: Cases, budget: Budget, advance: Advance 
         advance: Function that is called after each block of settings with the number of settings in the block.
 
     Raises:
-        JerkbenchError: The sampler is unknown, or a run failed.
+        JerkbenchError: A run failed.
     """
-    space, sampler = evaluator.space, sampler_of(budget.sampler, len(evaluator.space.parameters), budget.seed)
+    settings = tried_settings(budget.trials, evaluator.space, budget.seed)
     blocks: list[Trials] = []
-    for start in range(0, budget.trials, SETTINGS_AT_ONCE):
-        first = [] if start else [space.start]
-        count = min(SETTINGS_AT_ONCE, budget.trials - start) - len(first)
-        blocks.append(
-            evaluator.trials([*first, *map(space.setting, sampler.suggest(count) if count else ())], cases.tune)
-        )
-        if count:
-            sampler.observe(blocks[-1].means[len(first) :].tolist())
+    for start in range(0, len(settings), SETTINGS_AT_ONCE):
+        blocks.append(evaluator.trials(settings[start : start + SETTINGS_AT_ONCE], cases.tune))
         advance(len(blocks[-1]))
-    settings = tuple(setting for block in blocks for setting in block.settings)
     runs, failed, values = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("runs", "failed", "values"))
     trials = Trials(settings, runs, blocks[0].case, failed, values)
     best = trials.best(budget.finalists if cases.choose else 1)
@@ -343,7 +325,7 @@ def score(evaluator: Evaluator, setting: Setting, cases: Sequence[Job]) -> Tunin
 
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """A tuned method with the results of its searches.
+    """A tuned method with the result of its search.
 
     Attributes:
         name: Name of the method, suitable as a file name.
@@ -351,8 +333,8 @@ class Tuning:
         objective: The objective, which defines the loss of a run.
         cases: The cases for tuning, validation and test.
         budget: The budget of the tuning.
-        outcomes: Result of each search. The result of the first search defines the tuned setting.
-        scores: Score of each search on the test cases.
+        outcome: The result of the search.
+        score: The score of the selected setting on the test cases.
         interval_s: Nominal sampling interval of the IMU [s], or None if the recording has no IMU.
     """
 
@@ -361,8 +343,8 @@ class Tuning:
     objective: Objective
     cases: Cases
     budget: Budget
-    outcomes: tuple[SearchOutcome, ...]
-    scores: tuple[TuningScore, ...]
+    outcome: SearchOutcome
+    score: TuningScore
     interval_s: float | None
 
     @property
@@ -371,19 +353,9 @@ class Tuning:
         return self.cases.tune[0]
 
     @property
-    def outcome(self) -> SearchOutcome:
-        """The result of the first search. Other searches are not used, so that all methods have the same budget."""
-        return self.outcomes[0]
-
-    @property
     def setting(self) -> Setting:
-        """The setting that the first search has selected."""
+        """The setting that the search has selected."""
         return self.outcome.setting
-
-    @property
-    def score(self) -> TuningScore:
-        """The score of the selected setting on the test cases."""
-        return self.scores[0]
 
 
 def tune(name: str, cases: Cases, evaluator: Evaluator, budget: Budget, advance: Advance = int) -> Tuning:
@@ -395,8 +367,7 @@ def tune(name: str, cases: Cases, evaluator: Evaluator, budget: Budget, advance:
     first = cases.tune[0]
     recording = shared_inputs().recording(first.scenario, first.draws[0])
     evaluator.objective.require_reference(first, recording)
-    budgets = [replace(budget, seed=budget.seed + k) for k in range(budget.restarts)]
-    outcomes = tuple(search(evaluator, cases, of_restart, advance) for of_restart in budgets)
-    scores = tuple(score(evaluator, outcome.setting, cases.test) for outcome in outcomes)
+    outcome = search(evaluator, cases, budget, advance)
+    tested = score(evaluator, outcome.setting, cases.test)
     interval_s = recording.imu.nominal_interval_s if recording.imu is not None else None
-    return Tuning(name, evaluator.space, evaluator.objective, cases, budget, outcomes, scores, interval_s)
+    return Tuning(name, evaluator.space, evaluator.objective, cases, budget, outcome, tested, interval_s)

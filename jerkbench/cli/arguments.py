@@ -92,17 +92,6 @@ def count(text: str) -> int:
     return int(text)
 
 
-def output(text: str) -> Path:
-    """Parse the path of a file or folder to write.
-
-    Raises:
-        ArgumentTypeError: The path is empty.
-    """
-    if not text.strip():
-        raise argparse.ArgumentTypeError("the path is empty; give the name of a file or folder")
-    return Path(text)
-
-
 def percentage(text: str) -> float:
     """Parse a limit in percent.
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jerkbench.cli.arguments import EXECUTION, RUN_PROGRAMS, argument, command, count, flag, output
+from jerkbench.cli.arguments import EXECUTION, RUN_PROGRAMS, argument, command, count, flag
 
 
 @command(
@@ -32,7 +32,7 @@ def tune_command(arguments: argparse.Namespace) -> None:
     (r_scale.position, r_scale.velocity). knobs=[filter.accel_mps2,...] selects some of these parameters.
 
       trials=64            number of settings, including the default setting
-      sampler=sobol        sobol (for comparisons), tpe, cma_es (the extra `tune`); sampler_seed=1: other settings
+      sampler_seed=0       seed of the Sobol sequence, from which the settings are taken
       objective=rmse       rmse: log of the RMSE relative to the plain filter of the same model, a diverged run counts
                            as log 100; likelihood: of the innovations, needs no reference; inclination: error of an
                            attitude filter
@@ -40,11 +40,10 @@ def tune_command(arguments: argparse.Namespace) -> None:
                            recordings, families (held_out=[NAME,...]: used only for the test)
       tune_seeds=16 choose_seeds=16 test_seeds=40 first_seed=0      disjoint; the test seeds are used at the end
       finalists=8          number of the best settings that are evaluated again on the validation seeds (choose_seeds)
-      restarts=1           number of searches with different settings; their spread shows the effect of chance
       cluster=local        threads of this process; dask, slurm, ...: one worker for each scenario (docs/cluster.md)
 
     The folder results/STUDY/tune/METHOD has tuning.md, presets for `jerkbench run --config-dir`, settings for
-    robot_localization, KF-GINS and eskf15, and every trial. The same command continues a search that was stopped.
+    robot_localization, and every trial. The same command continues a search that was stopped.
 
     Raises:
         JerkbenchError: An argument is unknown, or the method has nothing to tune.
@@ -56,9 +55,8 @@ def tune_command(arguments: argparse.Namespace) -> None:
 
 @command(
     argument("--scale", default="full", help="name of the protocol (default: full)"),
-    argument("--results", type=output, default=Path("results"), help="folder of all results"),
+    argument("--results", type=Path, default=Path("results"), help="folder of all results"),
     flag("--stored", help="evaluate the stored rows of any version, and run nothing"),
-    argument("--against", type=Path, metavar="FOLDER", help="compare the verdicts with the verdicts of another audit"),
     *EXECUTION,
 )
 def audit_command(arguments: argparse.Namespace) -> None:
@@ -71,7 +69,6 @@ def audit_command(arguments: argparse.Namespace) -> None:
       jerkbench audit --scale medium     two models, no iterated filters: 1 minute, 5 minutes with compilation
       jerkbench audit                    the complete protocol: 20 minutes on two cores; see --cluster and --workers
       jerkbench audit --scale second     the same protocol with other drives and other tunings
-      jerkbench audit --against results/audit-second     lists the verdicts that differ from the second audit
 
     The same command continues an audit that was stopped. --stored evaluates the stored rows of any version, and runs
     nothing.
@@ -84,7 +81,7 @@ def audit_command(arguments: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: The protocol does not exist, or a run failed.
     """
-    from jerkbench.campaign.answer import AUDIT_FOLDER, compare_audits, judged_audit
+    from jerkbench.campaign.answer import AUDIT_FOLDER, judged_audit
     from jerkbench.campaign.audit import run_audit
     from jerkbench.campaign.protocol import read_protocol
     from jerkbench.hydra_app.configuration import cluster_named
@@ -92,9 +89,6 @@ def audit_command(arguments: argparse.Namespace) -> None:
 
     workers = arguments.workers or processors()
     protocol, folder = read_protocol(arguments.scale), arguments.results / f"{AUDIT_FOLDER}{arguments.scale}"
-    if arguments.against:
-        print(compare_audits(folder, arguments.against))
-        return
     if not arguments.stored:
         run_audit(protocol, folder, cluster_named(arguments.cluster), workers)
     print("\n".join(judged_audit(folder).sentences))
@@ -111,7 +105,7 @@ DEFAULT_SUITE = "v2"
     argument("overrides", nargs="+", metavar="KEY=VALUE", help="the method"),
     argument("--scale", default=DEFAULT_SUITE, help=f"name of the suite in conf/suite (default: {DEFAULT_SUITE})"),
     argument("--name", default="", help="name of the method on the board (default: filter + adaptation)"),
-    argument("--out", type=output, metavar="FOLDER", help="folder of the entry (default: results/suite-SCALE/NAME)"),
+    argument("--out", type=Path, metavar="FOLDER", help="folder of the entry (default: results/suite-SCALE/NAME)"),
     *EXECUTION,
 )
 def suite_run_command(arguments: argparse.Namespace) -> None:
@@ -201,5 +195,4 @@ def suite_board_command(arguments: argparse.Namespace) -> None:
     """
     from jerkbench.campaign.board import write_board
 
-    for path in write_board(arguments.folder, arguments.rows):
-        print(path)
+    print(write_board(arguments.folder, arguments.rows))

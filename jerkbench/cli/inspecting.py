@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jerkbench.cli.arguments import argument, command, output, require_new
+from jerkbench.cli.arguments import argument, command, require_new
 from jerkbench.cli.recordings import SOURCE_ARGUMENTS, dataset_of
 from jerkbench.errors import JerkbenchError, RecordingError, require_known, unknown
 
@@ -82,7 +82,7 @@ SEVERAL_SOURCES = (_SOURCES, *SOURCE_ARGUMENTS[1:])
 @command(
     *SEVERAL_SOURCES,
     argument("--figure", type=Path, metavar="FILE", help="draw an overview of the recording (.png, .pdf)"),
-    argument("--preset", type=output, metavar="NAME.yaml", help="for tables: write the guesses to dataset/NAME.yaml"),
+    argument("--preset", type=Path, metavar="NAME.yaml", help="for tables: write the guesses to dataset/NAME.yaml"),
 )
 def inspect_command(arguments: argparse.Namespace) -> None:
     """Print the contents of a recording, and the mistakes found in it.

@@ -2,12 +2,12 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from jerkbench.cli.arguments import OUTPUT_FORMAT, argument, command, output, print_json
+from jerkbench.cli.arguments import OUTPUT_FORMAT, argument, command, print_json
 
 if TYPE_CHECKING:
-    from jerkbench.files import JunitCase
+    pass
 
 
 @command(argument("kind", nargs="?", help="dataset, disturbance, attitude, filter, adaptation, ..."), OUTPUT_FORMAT)
@@ -29,8 +29,8 @@ def list_command(arguments: argparse.Namespace) -> None:
 
 
 @command(
-    argument("kind", help="dataset, disturbance, attitude, filter, adaptation, ...; optional"),
-    argument("name", nargs="?"),
+    argument("kind", help="dataset, disturbance, attitude, filter, adaptation, ..."),
+    argument("name"),
     OUTPUT_FORMAT,
 )
 def show_command(arguments: argparse.Namespace) -> None:
@@ -42,12 +42,8 @@ def show_command(arguments: argparse.Namespace) -> None:
     Raises:
         PluginError: The name is unknown.
     """
-    from jerkbench.plugins.catalogue import kind_of, show_text, shown_json
+    from jerkbench.plugins.catalogue import show_text, shown_json
 
-    if arguments.name is None and "=" in arguments.kind:  # KIND=NAME is accepted, because `run` uses this form
-        arguments.kind, _, arguments.name = arguments.kind.partition("=")
-    if arguments.name is None:
-        arguments.kind, arguments.name = kind_of(arguments.kind), arguments.kind
     if arguments.format == "json":
         print_json(shown_json(arguments.kind, arguments.name))
     else:
@@ -57,7 +53,7 @@ def show_command(arguments: argparse.Namespace) -> None:
 @command(
     argument("kind", help="dataset, disturbance, attitude, filter, estimator, adaptation or metric"),
     argument("name", help="name of the plugin and its module, for example my_rule"),
-    argument("--out", type=output, metavar="FOLDER", help="folder of the package (default: ./NAME)"),
+    argument("--out", type=Path, metavar="FOLDER", help="folder of the package (default: ./NAME)"),
 )
 def new_command(arguments: argparse.Namespace) -> None:
     """Write a package for a new plugin: class, entry point, test, README.
@@ -79,8 +75,8 @@ BROKEN = 1
 
 
 @command(
-    argument("package", help="a folder with a pyproject.toml, an installed distribution, or a module"),
-    argument("--format", choices=("text", "json", "junit"), default="text", help="default: text"),
+    argument("package", help="a folder with a pyproject.toml, or an installed distribution"),
+    argument("--format", choices=("text", "junit"), default="text", help="default: text"),
 )
 def check_command(arguments: argparse.Namespace) -> None:
     """Check whether the plugins of a package satisfy their contracts.
@@ -96,21 +92,14 @@ def check_command(arguments: argparse.Namespace) -> None:
     from jerkbench.plugins.new import check_package
 
     checked = check_package(arguments.package)
-    plugins, ok = [_as_json(case) for case in checked], not any(case.failures for case in checked)
     if arguments.format == "junit":
         print(junit(f"jerkbench check {arguments.package}", checked).rstrip())
-    elif arguments.format == "json":
-        print_json({"package": arguments.package, "ok": ok, "plugins": plugins})
     else:
-        for plugin in plugins:
-            lines = [f"{found['severity']}: {found['sentence']}" for found in plugin["findings"]]
-            for line in [*lines, *["satisfies its contract."] * plugin["ok"]]:
-                print(f"{plugin['kind']} {plugin['name']}: {line}")
-    if not ok:
+        for case in checked:
+            lines = [f"error: {message}" for message in case.failures] + [
+                f"notice: {message}" for message in case.notes
+            ]
+            for line in [*lines, *["satisfies its contract."] * (not case.failures)]:
+                print(f"{case.group} {case.name}: {line}")
+    if any(case.failures for case in checked):
         raise SystemExit(BROKEN)
-
-
-def _as_json(case: "JunitCase") -> dict[str, Any]:
-    found = [("error", message) for message in case.failures] + [("notice", message) for message in case.notes]
-    findings = [{"severity": severity, "sentence": message} for severity, message in found]
-    return {"kind": case.group, "name": case.name, "ok": not case.failures, "findings": findings}

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
-from jerkbench.cli.arguments import argument, command, count, flag, output, require_new
+from jerkbench.cli.arguments import argument, command, count, flag, require_new
 from jerkbench.contracts import Dataset
 from jerkbench.errors import JerkbenchError, PluginError, require_known
 
@@ -144,7 +144,7 @@ def convert_command(arguments: argparse.Namespace) -> None:
 
 
 @command(
-    argument("folder", type=output, help="the folder to write; it must not exist"),
+    argument("folder", type=Path, help="the folder to write; it must not exist"),
     argument("overrides", nargs="*", metavar="KEY=VALUE", help="arguments of `jerkbench run`"),
     argument(
         "--format",
@@ -239,32 +239,3 @@ def trace_command(arguments: argparse.Namespace) -> None:
     centred = arguments.offset == "remove"
     write_trace(trace_of(recording, centred=centred, licence=arguments.licence, origin=arguments.origin), target)
     print(f"{target}: {trace_text(read_trace(target))}")
-
-
-@command(flag("--clear", help="delete the cache; its contents can be computed again"))
-def cache_command(arguments: argparse.Namespace) -> None:
-    """Show the contents of the user's cache, or clear it.
-
-    The cache does not contain fetched recordings, because they cannot be computed again.
-
-      jerkbench data cache
-      jerkbench data cache --clear
-    """
-    from jerkbench.compilation.compiled import COMPILED
-    from jerkbench.files import cache_folder
-    from jerkbench.io import bag
-    from jerkbench.jobs import inputs as simulation_cache
-
-    for title, name, patterns in (
-        ("compiled filters and adaptations", COMPILED, ("**/*",)),
-        ("messages of bags", bag.BAGS, (bag.PATTERN,)),
-        ("simulated recordings", simulation_cache.SIMULATED, (simulation_cache.SIMULATED_PATTERN,)),
-    ):
-        folder = cache_folder(name)
-        files = [path for pattern in patterns for path in sorted(folder.glob(pattern)) if path.is_file()]
-        megabytes = sum(file.stat().st_size for file in files) / 1e6
-        if arguments.clear:
-            for file in files:
-                file.unlink(missing_ok=True)
-        done = ", deleted" if arguments.clear and files else ""
-        print(f"{title}: {len(files)} files, {megabytes:.1f} MB in {folder}{done}")

@@ -16,7 +16,6 @@ from jerkbench.cli.arguments import (
     count,
     flag,
     judging,
-    output,
     percentage,
 )
 from jerkbench.errors import NOT_COMPARABLE, JerkbenchError
@@ -49,8 +48,6 @@ FACTOR_NAMES = "dataset, disturbance, attitude, filter, adaptation, noise; separ
     *JUDGING,
     flag("--findings", help=f"describe the {MAX_PRINTED} largest differences (with --baseline: from the baseline)"),
     flag("--all", help="with --findings: describe every comparison"),
-    flag("--costs", help="measure the time of a filter step; runs each method again on this machine"),
-    RUN_PROGRAMS,
     argument("--format", choices=TABLE_FORMATS, default="terminal"),
     flag("--wide", help="print the geometric mean (gm), too"),
     flag("--notes", help="print all notes below the table"),
@@ -80,12 +77,6 @@ def table_command(arguments: argparse.Namespace) -> None:
         print(_findings(study, verdicts, baseline, every=arguments.all) or NOTHING_COMPARED)
         return
     _write(table, arguments)
-    if arguments.costs:
-        from jerkbench.jobs.replay import COLUMN, report_excluded_programs, step_costs
-
-        report_excluded_programs(study, run_programs=arguments.run_programs)
-        if len(costs := step_costs(study, run_programs=arguments.run_programs)):
-            _write(summarise(costs, COLUMN, rows, columns), arguments)
 
 
 def _findings(study: "Study", verdicts: "StudyVerdicts", baseline: "Mapping[str, str] | None", *, every: bool) -> str:
@@ -124,7 +115,7 @@ def _factors(names: str | None) -> list[str] | None:
 
 @command(
     STUDY,
-    argument("--out", type=output, help="folder of the figures (default: figures/ in the study's folder)"),
+    argument("--out", type=Path, help="folder of the figures (default: figures/ in the study's folder)"),
     argument(
         "--scenarios", default="20", metavar="NAMES", help="number or names: none,imu_bias+gnss_outage (default: 20)"
     ),
@@ -170,7 +161,7 @@ def figures_command(arguments: argparse.Namespace) -> None:
 
 @command(
     STUDY,
-    argument("--out", type=output, help="the file (default: report.html in the study's folder)"),
+    argument("--out", type=Path, help="the file (default: report.html in the study's folder)"),
     argument("--scenarios", type=count, default=20, help="number of scenarios whose runs are shown (default: 20)"),
     argument("--figures", choices=[*Choice], default=Choice.FEW, help="few: three scenarios (default); all; none"),
     RUN_PROGRAMS,

@@ -6,7 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from jerkbench.cli.arguments import RUN_PROGRAMS, argument, command, output
+from jerkbench.cli.arguments import RUN_PROGRAMS, argument, command, count
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
 
 DIFFERENT = 1
@@ -14,7 +14,7 @@ DIFFERENT = 1
 
 ROW_ARGUMENTS = (
     argument("folder", type=Path, help="a study's folder, or a folder of cells"),
-    argument("row", metavar="ROW", help="number of the row in rows.csv (from 1), or KEY:SEED of a file in cells/"),
+    argument("row", type=count, metavar="ROW", help="number of the row in rows.csv (from 1)"),
     RUN_PROGRAMS,
 )
 """The arguments that select a row of the stored results."""
@@ -53,7 +53,7 @@ def rerun_command(arguments: argparse.Namespace) -> None:
 
 @command(
     *ROW_ARGUMENTS,
-    argument("--tum", type=output, metavar="FOLDER", required=True, help="write estimate.tum, reference.tum"),
+    argument("--tum", type=Path, metavar="FOLDER", required=True, help="write estimate.tum, reference.tum"),
 )
 def export_command(arguments: argparse.Namespace) -> None:
     """Write the trajectories of a stored run in the TUM format.

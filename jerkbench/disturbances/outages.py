@@ -184,8 +184,8 @@ class FalseReturn(OutageWindows):
 
         z' = z + o,  R_true' = R_true + o o',  R' = R
 
-    After the false fixes, the measurements are correct again. The metric `capture` distinguishes three reactions of a
-    filter: the filter follows the false fixes, rejects all later fixes, or recovers.
+    After the false fixes, the measurements are correct again. A filter can follow the false fixes, reject all later
+    fixes, or recover.
 
     Attributes:
         offset_m: d, length of the offset of the false fixes [m].

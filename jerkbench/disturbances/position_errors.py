@@ -87,8 +87,6 @@ class SpikeSweep(DrawnFault):
         |o_k| = smallest_m (largest_m/smallest_m)^(j/(n - 1)),   j = 0 ... n - 1
         z' = z + |o_k| u_k,  R_true' = R_true + o o',  R' = R
 
-    The metric `gate` shows the spike lengths that the filter accepts.
-
     Attributes:
         smallest_m: length of the smallest spike [m].
         largest_m: length of the largest spike [m].

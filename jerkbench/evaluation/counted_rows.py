@@ -233,15 +233,6 @@ def counted_errors(estimate: Estimate, recording: Recording, counted: BoolArray)
     return rows, position_error_m(estimate, recording)[rows]
 
 
-def timed_errors(
-    estimate: Estimate, recording: Recording, counted: BoolArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return times (j,) [s], position errors (j, 3) [m] and their lengths (j,) [m] at the rows of `counted_errors`."""
-    rows, error = counted_errors(estimate, recording, counted)
-    with np.errstate(over="ignore", invalid="ignore"):
-        return recording.reference.t_s[estimate.index[rows]], error, np.linalg.norm(error, axis=1)
-
-
 def rms_norm(vectors: FloatArray) -> float:
     """Return sqrt(mean |v|^2) over the k vectors (k, m). The result is NaN without vectors, and infinite on overflow.
 

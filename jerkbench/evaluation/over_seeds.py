@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -77,19 +77,6 @@ MAX_BOOTSTRAP = 1999
 
 _SEED = 20
 """Seed of the bootstrap. It is fixed, so that equal rows give equal tables."""
-
-
-class Interval(NamedTuple):
-    """A mean with the ends of its interval. The ends are NaN if the interval is unknown."""
-
-    mean: float
-    low: float
-    high: float
-
-
-def mean_interval(values: npt.ArrayLike, confidence: float = 0.95) -> Interval:
-    """Return the mean of (n,) independent values and its interval, as `mean_intervals` does."""
-    return Interval(*(float(of[0]) for of in mean_intervals(Samples.of([values]), confidence)))
 
 
 def mean_intervals(samples: Samples, confidence: float = 0.95) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -113,8 +113,8 @@ def _run_and_show(plan: Plan, store: Store, options: Options) -> None:
 
 
 def print_forecast(plan: Plan, store: Store, options: Options) -> None:
-    """Print the planned runs and the estimated time."""
-    for line in forecast(plan, store, options["workers"] or processors()):
+    """Print the planned runs."""
+    for line in forecast(plan, store):
         print(line)
     if maximum := options["max_seeds"]:
         print(f"These runs are the first interim analysis. Undecided comparisons get more seeds, at most {maximum}.")

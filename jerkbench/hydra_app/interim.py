@@ -2,12 +2,8 @@
 
 import dataclasses
 import re
-from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from itertools import compress
-from typing import Any
-
-import numpy as np
 
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.judgement import Verdict
@@ -15,7 +11,6 @@ from jerkbench.evaluation.planning import FIRST, interim_levels, interim_sizes
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.manifest import stretches
 from jerkbench.jobs.plan import Plan, in_order, missing
-from jerkbench.jobs.progress import duration
 from jerkbench.jobs.store import Store
 from jerkbench.jobs.study import Study
 from jerkbench.report.comparisons import VerdictRule
@@ -75,11 +70,8 @@ def _with_seeds(job: Job, seeds: int) -> Job:
 # The forecast of a sweep is printed by `--dry`.
 
 
-def forecast(plan: Plan, store: Store, workers: int) -> Iterator[str]:
-    """Yield lines with the state of each combination, the combinations that are left out, and the estimated time.
-
-    The time is estimated from the stored runs of all studies in the parent folder of the study.
-    """
+def forecast(plan: Plan, store: Store) -> Iterator[str]:
+    """Yield lines with the state of each combination, and the combinations that are left out."""
     known = store.known(plan.draws)
     left = {job.key: len(missing(job, known.get(job.key, ()))) for job in plan.jobs}
     differing = [len(set(values)) > 1 for values in zip(*(job.labels for job in plan.jobs), strict=True)]
@@ -94,39 +86,7 @@ def forecast(plan: Plan, store: Store, workers: int) -> Iterator[str]:
     yield from plan.refused
     runs, done = sum(left.values()), list(left.values()).count(0)
     yield f"{_count(len(plan.jobs), 'combination')}, {done} complete; {_count(runs, 'run')} to compute."
-    if runs:
-        yield _time(plan, left, store, workers)
-
-
-def _time(plan: Plan, left: Mapping[str, int], store: Store, workers: int) -> str:
-    studies = store.folder.parents[1].glob("*/cells")
-    stored = [cell for cells in sorted(studies) if cells.is_dir() for cell in Store(cells.parent).read()[0]]
-    times_s = defaultdict(list)
-    for cell in stored:
-        for names in _names(cell.metadata["spec"]):
-            times_s[names].append(cell.metadata["seconds"] / max(len(cell.table), 1))
-    median_s = {names: float(np.median(times)) for names, times in times_s.items()}
-    run_s = {  # median time of a run of stored combinations with the same first `TIME_FACTORS`
-        job.key: next((median_s[names] for names in _names(job.spec) if names in median_s), np.nan)
-        for job in plan.jobs
-        if left[job.key]
-    }
-    seconds = sum(run_s[key] * left[key] for key in run_s)
-    if not np.isfinite(seconds):
-        return "The time cannot be estimated, because no run with the same data set is stored yet."
-    time, measured = duration(max(seconds / workers, 1.0)), _count(len(stored), "stored combination")
-    return f"About {time} with {_count(workers, 'worker')}, estimated from {measured}, without compilation."
 
 
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'s' * (number != 1)}"
-
-
-TIME_FACTORS = ("dataset", "filter", "adaptation")
-"""The groups that determine the duration of a run. The most important group is first."""
-
-
-def _names(spec: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Return tuples of plugin names: one name for each of `TIME_FACTORS`, then without the last factor, and so on."""
-    names = tuple(spec[kind]["name"] for kind in TIME_FACTORS)
-    return [names[:count] for count in range(len(names), 0, -1)]

@@ -45,8 +45,7 @@ class TuneOptions:
 
     Attributes:
         trials: Number of settings that a search evaluates, including the setting before the search.
-        sampler: Name of the sampler: sobol, tpe or cma_es.
-        sampler_seed: Seed of the sampler. For sobol, the seed determines the scrambling.
+        sampler_seed: Seed of the Sobol sequence, from which the settings are taken.
         objective: Name of the objective: rmse, likelihood (of the innovations, without a reference), inclination (error
             of an attitude filter) or auto. The value auto selects inclination if the method is an attitude filter,
             otherwise rmse.
@@ -59,13 +58,10 @@ class TuneOptions:
         choose_seeds: Number of seeds for the validation of the finalists.
         test_seeds: Number of seeds for the test.
         finalists: Number of the best settings that are evaluated again on the validation seeds.
-        restarts: Number of searches with different seeds. The tuning uses the result of the first search. The results
-            of the other searches show how much the result depends on the seed of the sampler.
         knobs: Names of the parameters to tune. If ``knobs`` is empty, all parameters with a range are tuned.
     """
 
     trials: int = 64
-    sampler: str = "sobol"
     sampler_seed: int = 0
     objective: str = "auto"
     split: str = "auto"
@@ -75,7 +71,6 @@ class TuneOptions:
     choose_seeds: int = 16
     test_seeds: int = 40
     finalists: int = 8
-    restarts: int = 1
     knobs: list[str] = field(default_factory=list)
 
 
@@ -134,15 +129,14 @@ def tune_all(overrides: Sequence[str], *, several: bool, compare: bool = False) 
     runs = CampaignRuns(folder, workers)
     default = "inclination" if is_attitude_only(jobs[0][0].method.filter) else "rmse"
     objective = objective_of(default if options.objective == "auto" else options.objective)
-    budget = Budget(options.trials, options.sampler, options.finalists, options.sampler_seed, options.restarts)
+    budget = Budget(options.trials, options.finalists, options.sampler_seed)
     drives = [shared_inputs().undisturbed(job.scenario.dataset, job.draws[0]) for job in jobs[0]]
     measured = [name for name in R_STREAMS if any(getattr(drive, name) is not None for drive in drives)]
     first_jobs = [of_method[0] for of_method in jobs]
     evaluators = [Evaluator(space_of(job, options.knobs, measured), objective, runs, threads) for job in first_jobs]
     cases = [cases_of(of_method, options, config["first_seed"]) for of_method in jobs]
     names = _names(first_jobs)
-    settings = len(names) * budget.trials * budget.restarts
-    with workers, Progress(settings, doing="Tuning", unit="settings") as progress:
+    with workers, Progress(len(names) * budget.trials, doing="Tuning", unit="settings") as progress:
         advance = partial(progress.advance, ())
         tunings = [tune(*method, budget, advance) for method in zip(names, cases, evaluators, strict=True)]
     for tuning, method in zip(tunings, methods, strict=True):

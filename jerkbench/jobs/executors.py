@@ -12,8 +12,6 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
-from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
 from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
 
@@ -97,22 +95,18 @@ _SPAWN = multiprocessing.get_context("spawn")
 class LocalExecutor(Executor):
     """An executor with a process pool. If a process of the pool dies, a new pool replaces the pool.
 
-    Worker processes end as soon as the pipe to the parent process is closed. The function `shutdown` closes the pipe.
-    If the parent process dies, the operating system closes the pipe.
+    Worker processes also end if the parent process dies.
     """
 
     def __init__(self, workers: int) -> None:
-        self._children: set[BaseProcess] = set()
         self._workers = min(workers, 61) if sys.platform == "win32" else workers  # Windows allows at most 61 processes
         self._start()
 
     def _start(self) -> None:
-        self._reader, self._writer = _SPAWN.Pipe(duplex=False)
-        self._pool = ProcessPoolExecutor(self._workers, _SPAWN, _start_worker, (self._reader,))
+        self._pool = ProcessPoolExecutor(self._workers, _SPAWN, _start_worker)
 
     def submit(self, call: Callable[..., Any], /, *arguments: Any, **named: Any) -> Any:  # noqa: ANN401 - of the call
         """Submit a call to the process pool. If the pool is broken, a new pool is started first."""
-        before = {*multiprocessing.active_children()}
         with _without_script():
             try:
                 return self._pool.submit(call, *arguments, **named)
@@ -120,8 +114,6 @@ class LocalExecutor(Executor):
                 self.shutdown()
                 self._start()
                 return self._pool.submit(call, *arguments, **named)
-            finally:
-                self._children |= {*multiprocessing.active_children()} - before
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
         """Terminate the worker processes, also if calls are running.
@@ -129,14 +121,12 @@ class LocalExecutor(Executor):
         This method does not wait until the process pool has stopped. If a worker process is terminated while it writes
         a result, the process pool never stops.
         """
-        self._writer.close()
+        children = [*(self._pool._processes or {}).values()]  # noqa: SLF001 - public methods exist from Python 3.14 on
         self._pool.shutdown(wait=False, cancel_futures=cancel_futures)
-        for child in self._children:
+        for child in children:
             child.terminate()  # termination works even if compiled code holds the interpreter lock
-        for child in self._children if wait else ():
+        for child in children if wait else ():
             child.join(GRACE_S)
-        self._children.clear()
-        self._reader.close()
 
 
 @contextmanager
@@ -150,13 +140,14 @@ def _without_script() -> Iterator[None]:
         sys.modules["__main__"] = script
 
 
-def _start_worker(reader: Connection) -> None:
+def _start_worker() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process handles Ctrl-C
-    threading.Thread(target=_end_with_parent, args=(reader,), daemon=True).start()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
-def _end_with_parent(reader: Connection) -> None:
-    reader.poll(None)  # blocks until the pipe is closed
+def _end_with_parent() -> None:
+    if parent := multiprocessing.parent_process():
+        parent.join()
     os._exit(1)
 
 
@@ -204,10 +195,9 @@ def dask_setup(worker: object) -> None:
 
 @dataclass(frozen=True)
 class JobQueue:
-    """Jobs of a queueing system (SLURM, PBS or LSF) that run Dask workers. The current process runs the Dask scheduler.
+    """Jobs of SLURM that run Dask workers. The current process runs the Dask scheduler.
 
     Attributes:
-        system: Name of the queueing system: slurm, pbs or lsf.
         jobs: Number of jobs in the queue. A job that ends before the sweep is submitted again.
         processes: Number of worker processes of each job. Each worker process uses one core.
         memory: Memory of each job, for example "8GB".
@@ -222,7 +212,6 @@ class JobQueue:
         logs: Folder for the output of the jobs (by default, the default of the queueing system).
     """
 
-    system: str
     jobs: int = 2
     processes: int = 1
     memory: str = "4GB"
@@ -239,23 +228,22 @@ class JobQueue:
     def open(self, workers: int) -> Iterator[Pool]:
         """Submit the jobs to the queueing system. Tasks are sent as soon as the first job has started."""
         del workers  # the number of workers is `jobs` times `processes`
-        distributed = required("distributed", self.system)
+        distributed = required("distributed", "slurm")
         with _quiet(), _connected(distributed, cluster := self._cluster()) as pool:
             cluster.adapt(minimum_jobs=self.jobs, maximum_jobs=self.jobs)  # a job that ends early is submitted again
             yield pool
 
     def _cluster(self) -> Any:  # noqa: ANN401 - dask-jobqueue has no types
-        jobqueue = required("dask_jobqueue", self.system)
-        kind = {"slurm": jobqueue.SLURMCluster, "pbs": jobqueue.PBSCluster, "lsf": jobqueue.LSFCluster}[self.system]
+        jobqueue = required("dask_jobqueue", "slurm")
         named = {
             "queue": self.queue,
-            "project" if self.system == "lsf" else "account": self.account,
+            "account": self.account,
             "interface": self.interface,
             "python": self.python,
             "log_directory": self.logs,
         }
         try:
-            return kind(
+            return jobqueue.SLURMCluster(
                 cores=self.processes,
                 processes=self.processes,
                 memory=self.memory,
@@ -267,7 +255,7 @@ class JobQueue:
                 **{name: value for name, value in named.items() if value},
             )
         except (OSError, ValueError, RuntimeError) as error:
-            raise ClusterError(f"cluster={self.system} cannot start: {error}.") from error
+            raise ClusterError(f"cluster=slurm cannot start: {error}.") from error
 
 
 Cluster: TypeAlias = Local | Dask | JobQueue

@@ -5,12 +5,9 @@ import os
 import pickle
 from collections.abc import Callable, Hashable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
 from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import cast
-
-import numpy as np
 
 from jerkbench.arrays import BoolArray, Same
 from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance, Metric, part_read
@@ -90,8 +87,7 @@ class Inputs:
         self.scaled = lru_cache(MAX_CACHED_INPUTS)(with_r_scale)
         self.timeline = lru_cache(MAX_CACHED_INPUTS)(build_timeline)
         self.prepared = lru_cache(MAX_CACHED_INPUTS)(prepare_reference)
-        self._outline = lru_cache(MAX_CACHED_INPUTS)(_Outline.of)
-        self._columns = lru_cache(8 * MAX_CACHED_INPUTS)(_columns)
+        self._attitude_columns = lru_cache(8 * MAX_CACHED_INPUTS)(_attitude_columns)
 
     def recording(self, scenario: Scenario, draw: int) -> Recording:
         """Return the disturbed recording of a seed.
@@ -107,12 +103,12 @@ class Inputs:
     def columns(self, metric: Metric, estimate: Estimate, recording: Recording, counted: BoolArray) -> MetricValues:
         """Return the value of each column of a metric for one run.
 
-        If the metric reads only the attitude, its values are cached for other runs with the same attitude.
+        If the metric reads only the attitude, its values are cached for other runs with the same attitude object.
         """
         if part_read(metric) != "attitude":
             return metric.evaluate(estimate, recording, counted)
-        outline = self._outline(Same(estimate.index, estimate.euler_rad, counted))
-        return self._columns(cast("Hashable", metric), recording, outline)
+        attitude = Same(estimate.index, estimate.euler_rad, counted)
+        return self._attitude_columns(cast("Hashable", metric), recording, attitude)
 
 
 @cache
@@ -155,24 +151,6 @@ def attitude_of(recording: Recording, attitude: AttitudeFilter) -> Attitude:
     return no_attitude(recording.clock_s) if recording.imu is None else attitude.estimate(recording)
 
 
-@dataclass(frozen=True)
-class _Outline:
-    """An estimate that contains only the attitude, and a mask of the rows that metrics score.
-
-    Objects with equal content are equal.
-    """
-
-    content: bytes
-    estimate: Estimate = field(compare=False)
-    counted: BoolArray = field(compare=False)
-
-    @classmethod
-    def of(cls, same: Same) -> "_Outline":
-        """Create an object from three arrays (row indices, Euler angles and scored rows), and hash these arrays."""
-        index, euler_rad, counted = same.objects
-        content = hashlib.blake2b(b"".join(np.ascontiguousarray(array).tobytes() for array in same.objects))
-        return cls(content.digest(), outlined(index, euler_rad), counted)
-
-
-def _columns(metric: Hashable, recording: Recording, outline: _Outline) -> MetricValues:
-    return cast("Metric", metric).evaluate(outline.estimate, recording, outline.counted)
+def _attitude_columns(metric: Hashable, recording: Recording, attitude: Same) -> MetricValues:
+    index, euler_rad, counted = attitude.objects
+    return cast("Metric", metric).evaluate(outlined(index, euler_rad), recording, counted)

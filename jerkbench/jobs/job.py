@@ -2,10 +2,9 @@
 
 import dataclasses
 import json
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, cached_property, lru_cache
-from typing import Any
+from typing import Annotated, Any
 
 from jerkbench import plugins
 from jerkbench.contracts import (
@@ -25,6 +24,7 @@ from jerkbench.evaluation.evaluated_run import LIMIT_M
 from jerkbench.jobs.key import data_fingerprint, key_of
 from jerkbench.notices import notify
 from jerkbench.notices import plain as plain_text
+from jerkbench.parameters import NOT_NEGATIVE, Limit, Limited
 from jerkbench.plugins import missing_member
 from jerkbench.r_scale import RScale, scale_of
 from jerkbench.report.labels import GROUPS, Labels, default_labels
@@ -92,12 +92,12 @@ def replaced(cls: type, noise: Mapping[str, Any]) -> dict[str, float]:
 
 MAX_RUNS = 100_000
 """Maximum number of runs of a job. The rows of a job are in memory until they are stored."""
-LAST_SEED = 2**63
-"""Upper limit of the seeds, not included. Rows store seeds as signed 64-bit integers."""
+MAX_FIRST_SEED = 2**62
+"""Upper limit of the first seed, not included. Rows store seeds as signed 64-bit integers."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Protocol:
+class Protocol(Limited):
     """The seeds of a job, and the parameters that define how its runs are scored.
 
     Attributes:
@@ -109,24 +109,10 @@ class Protocol:
             which runs diverged.
     """
 
-    seeds: int = 5
-    first_seed: int = 0
-    burn_in_s: float = 5.0
-    divergence_limit_m: float = LIMIT_M
-
-    def __post_init__(self) -> None:
-        if self.seeds < 1:
-            raise PluginError(f"seeds is {self.seeds}; give 1 or more.")
-        if self.first_seed < 0:
-            raise PluginError(f"first_seed is {self.first_seed}; it must not be negative.")
-        if self.seeds > MAX_RUNS:
-            raise PluginError(f"seeds is {self.seeds}; a combination has at most {MAX_RUNS} runs.")
-        if self.first_seed + self.seeds > LAST_SEED:
-            raise PluginError(f"first_seed is {self.first_seed}; a seed must be less than 2**63.")
-        if not (math.isfinite(self.burn_in_s) and self.burn_in_s >= 0):
-            raise PluginError(f"burn_in_s is {self.burn_in_s:g}; it must be a number of seconds, 0 or more.")
-        if math.isnan(self.divergence_limit_m) or self.divergence_limit_m <= 0:
-            raise PluginError(f"divergence_limit_m is {self.divergence_limit_m:g}; it must be more than 0.")
+    seeds: Annotated[int, Limit(lambda count: 1 <= count <= MAX_RUNS, f"give 1 to {MAX_RUNS}.")] = 5
+    first_seed: Annotated[int, Limit(lambda seed: 0 <= seed < MAX_FIRST_SEED, "give 0 or more, below 2**62.")] = 0
+    burn_in_s: Annotated[float, NOT_NEGATIVE] = 5.0
+    divergence_limit_m: Annotated[float, Limit(lambda limit: limit > 0, "it must be more than 0.")] = LIMIT_M
 
     @property
     def limits(self) -> dict[str, float]:

@@ -3,7 +3,6 @@
 import json
 import math
 import sys
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,11 +21,10 @@ from jerkbench.jobs.store import Store, Stored
 from jerkbench.jobs.study import Study, load_study
 from jerkbench.notices import plain
 from jerkbench.recording import Recording
-from jerkbench.report.columns import SCENARIO_FACTORS
 from jerkbench.report.labels import Labels
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 
 MAX_SPEC_CHARACTERS = 100_000
@@ -81,35 +79,23 @@ class StoredRow:
         return bool(self.metadata["code"] != code_digest() or self.metadata["versions"] != versions())
 
 
-def stored_row(folder: Path, which: str, *, run_programs: bool = False) -> StoredRow:
+def stored_row(folder: Path, number: int, *, run_programs: bool = False) -> StoredRow:
     """Return one row of a study.
 
     Args:
         folder: The folder of the study, or a folder that contains its Parquet files.
-        which: The number of the row in rows.csv (from 1), or ``KEY:SEED`` with the first characters of the key of the
-            job. Without ``:SEED``, the first seed of the job is selected.
+        number: The number of the row in rows.csv (from 1).
         run_programs: Whether the external program that a stored configuration names may run.
 
     Raises:
-        JerkbenchError: ``which`` does not select exactly one row, or the row needs a program that may not run.
+        JerkbenchError: The study has no such row, or the row needs a program that may not run.
     """
-    seed: int | None = None
-    if which.isdecimal() and len(which) < 6:
-        study, number = load_study(folder), int(which)
-        if not 1 <= number <= len(study.rows):
-            raise JerkbenchError(f"{folder} has no row {number}; give a row from 1 to {len(study.rows)}.")
-        key, seed = str(study.keys.iloc[number - 1]), int(study.rows["seed"].iloc[number - 1])
-    else:
-        prefix, _, typed_seed = which.partition(":")
-        keys = Store(folder).keys_from(prefix)
-        if len(keys) != 1 or (typed_seed and not typed_seed.isdecimal()):
-            found = f"'{which}' is not a row of {folder}: {len(keys)} keys begin with '{prefix}'"
-            raise JerkbenchError(f"{found}. Give the number of a row in rows.csv (the first is 1), or KEY:SEED.")
-        key, seed = keys[0], int(typed_seed) if typed_seed else None
-    stored, _ = Store(folder).read([key])
-    if not stored:
-        raise JerkbenchError(f"The file of {key} in {folder} is damaged; `jerkbench run` computes its results again.")
-    return row_of(stored[0], seed, run_programs=run_programs)
+    study = load_study(folder)
+    if not 1 <= number <= len(study.rows):
+        raise JerkbenchError(f"{folder} has no row {number}; give a row from 1 to {len(study.rows)}.")
+    key, seed = str(study.keys.iloc[number - 1]), int(study.rows["seed"].iloc[number - 1])
+    (stored,), _ = Store(folder).read([key])
+    return row_of(stored, seed, run_programs=run_programs)
 
 
 def row_of(stored: Stored, seed: int | None = None, *, run_programs: bool = False) -> StoredRow:
@@ -206,54 +192,3 @@ def relative_difference(before: float, after: float) -> float:
         return 0.0
     difference = abs(after - before) / max(abs(before), abs(after))
     return math.inf if math.isnan(difference) else difference
-
-
-REPEATS = 5
-"""Number of timed runs. The shortest time is used, because other processes can only make a run slower."""
-
-COLUMN = "step_ns"
-
-
-def step_costs(study: Study, *, run_programs: bool = False) -> "pd.DataFrame":
-    """Return a table with the computation time of a filter step [ns] for each method in the first scenario of a study.
-
-    For each method, one successful run is repeated alone (not in a batch), and its trajectory is stored. A step is an
-    IMU sample, or a fix if the recording has no IMU. The time excludes loading the recording, estimating the attitude,
-    and compilation. Methods that run an external program are left out unless ``run_programs`` is set.
-
-    Raises:
-        JerkbenchError: No run of the first scenario was successful, or the data of a run have changed.
-    """
-    rows = study.rows.assign(key=study.keys.to_numpy())
-    scenario = (rows[[*SCENARIO_FACTORS]] == rows[[*SCENARIO_FACTORS]].iloc[0]).all(axis=1)
-    successful = rows[scenario & (rows["status"] == "ok")].drop_duplicates("key")
-    if successful.empty:
-        raise JerkbenchError(
-            f"The time of a step cannot be measured: all runs of the first scenario of {study.folder} failed."
-        )
-    cells, _ = Store(study.folder).read(list(successful["key"]))
-    by_key = {cell.key: cell for cell in runnable(cells, run_programs=run_programs)}
-    successful = successful[successful["key"].isin(list(by_key))]
-    pairs = zip(successful["key"], successful["seed"], strict=True)
-    stored = [row_of(by_key[key], int(seed), run_programs=run_programs) for key, seed in pairs]
-    timed = successful.assign(replicate="phase", **{COLUMN: [step_ns(row) for row in stored]})
-    columns = [name for name in timed if name in {*Labels._fields, *RUN_COLUMNS}]
-    return timed[[*columns, COLUMN]].reset_index(drop=True)
-
-
-def step_ns(stored: StoredRow) -> float:
-    """Return the computation time of one filter step [ns]: the shortest of `REPEATS` timed runs.
-
-    Before the timed runs, a run that is not timed loads the inputs and compiles the filter.
-
-    Raises:
-        JerkbenchError: The data have changed, or a plugin raises an exception.
-    """
-    recording, _ = stored.run()
-    seconds = []
-    with plugin_errors(stored.job):
-        for _ in range(REPEATS):
-            began_s = time.perf_counter()
-            run_seed(stored.job, stored.draw)
-            seconds.append(time.perf_counter() - began_s)
-    return min(seconds) / len(recording.clock_s) * 1e9

@@ -383,12 +383,6 @@ class Store:
         stored = stored.reindex(columns=[KEY, *OUTCOMES.values(), *metrics]).astype({"run_s": float})
         return requested.merge(stored, on=[KEY, "seed"], how="left").drop(columns=KEY)
 
-    def keys_from(self, prefix: str) -> list[str]:
-        """Return all keys of jobs and all names of damaged files that start with ``prefix``. Jobs may be incomplete."""
-        tables, damaged = self._tables(None, [KEY])
-        keys = {*damaged, *(key for table in tables for key in pc.unique(table[KEY]).to_pylist())}
-        return sorted(key for key in keys if key.startswith(prefix))
-
     def compact(self, least: int = 2) -> None:
         """If there are at least ``least`` small files, join them into one file without duplicate rows.
 

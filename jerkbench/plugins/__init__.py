@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 from jerkbench.contracts import CONTRACTS
 from jerkbench.errors import PluginError, article, require_known, unknown
-from jerkbench.parameters import PLUGIN_TITLES, Column
+from jerkbench.parameters import PLUGIN_TITLES
 from jerkbench.renamed import new_name
 
 PACKAGES = {
@@ -302,14 +302,8 @@ OF_ALL = ("citations", "depends_on")
 NOT_OURS = ("builtins", "typing", "jerkbench.contracts")
 """Modules of base classes whose members are not checked."""
 
-READABLE = ("attitude", "updates")
-"""Optional parts of an estimate. The attribute ``reads`` of a metric may name one of these parts."""
-
 PARAMETERS = (bool, int, float, str, tuple)
 """Types that the value of a parameter may have."""
-
-DEFAULT_TYPES = {bool: (bool,), int: (int,), float: (float, int), str: (str,)}
-"""Types that the default of a parameter may have, by the type of the parameter."""
 
 MISSPELT = 0.8
 """Similarity of two names above which one of them is considered a misspelling of the other."""
@@ -333,28 +327,10 @@ def missing_member(kind: str, plugin: object) -> str:
 
 
 def misfits(kind: str, cls: type) -> Iterator[str]:
-    """Yield a message for each member of a class that is misspelt, has no type, or has a wrong type or value."""
-    class_name, hints, parameters = cls.__name__, _hints(cls), {f.name: f.default for f in dataclasses.fields(cls)}
-    yield from _unknown_members(kind, cls)
-    for name in OPTIONAL_METHODS.get(kind, ()):
-        if name in parameters or (hasattr(cls, name) and not callable(getattr(cls, name))):
-            yield f"{class_name}.{name} must be a method (see jerkbench.contracts), or have another name."
-    if kind == "metric" and (reads := getattr(cls, "reads", READABLE[0])) not in READABLE:
-        yield f"reads: {unknown('part of an estimate', str(reads), READABLE)}"
-    columns = getattr(cls, "columns", {}) if kind == "metric" else {}
-    if not (isinstance(columns, Mapping) and all(isinstance(of, Column) for of in columns.values())):
-        yield f"{class_name}.columns must be a mapping of column names to jerkbench.parameters.Column."
+    """Yield a message for each member of a class that is misspelt or has no type."""
     varying = getattr(cls, "varying", ())
-    if not (isinstance(varying, tuple) and all(hints.get(name) is int for name in varying)):
-        yield f"{class_name}.varying must be a tuple of names of parameters that are integers."
-    for name, default in parameters.items():
-        suitable = DEFAULT_TYPES.get(hints[name])
-        if suitable and default is not dataclasses.MISSING and type(default) not in suitable:
-            mismatch = f"has the type {hints[name].__name__} and the default {default!r}"
-            yield f"{class_name}.{name} {mismatch}; correct one of them."
-
-
-def _unknown_members(kind: str, cls: type) -> Iterator[str]:
+    if not (isinstance(varying, tuple) and all(_hints(cls).get(name) is int for name in varying)):
+        yield f"{cls.__name__}.varying must be a tuple of names of parameters that are integers."
     optional = {*OPTIONAL_METHODS.get(kind, ()), *OPTIONAL_ATTRIBUTES.get(kind, ()), *OF_ALL}
     contracts = [CONTRACTS[kind], CONTRACTS["estimator"]] if kind == "filter" else [CONTRACTS[kind]]
     required = {name for of in contracts for name in (*vars(of), *vars(of).get("__annotations__", ()))}

@@ -56,25 +56,6 @@ def requested_kinds(kind: str | None) -> tuple[str, ...]:
     return (kind,) if kind else kinds
 
 
-def kind_of(name: str) -> str:
-    """Return the kind of the plugin or preset ``name``.
-
-    Raises:
-        PluginError: The name is unknown, is the name of a kind, or exists in several kinds.
-    """
-    kinds = requested_kinds(None)
-    names = {kind: {*(plugins.names(kind) if kind in plugins.KINDS else ()), *preset_files(kind)} for kind in kinds}
-    having = [kind for kind, of in names.items() if name in of]
-    if name in names:
-        raise PluginError(f"{name} is a kind of plugin; use `jerkbench list {name}` or `jerkbench show {name} NAME`.")
-    if not having:
-        raise PluginError(unknown("plugin or preset", name, set().union(*names.values())))
-    if len(having) > 1:
-        commands = " or ".join(f"jerkbench show {kind} {name}" for kind in having)
-        raise PluginError(f"{len(having)} kinds have a plugin or preset {name}; give its kind: {commands}.")
-    return having[0]
-
-
 def entries(kind: str) -> list[CatalogueEntry]:
     """Return the plugins and presets of a kind, sorted by name. Print a notice if a plugin cannot be loaded."""
     found = {}

@@ -21,7 +21,6 @@ from jerkbench.contracts import (
     Adaptation,
     AdaptingGain,
     AdaptingPrior,
-    Batched,
     Estimator,
     Fading,
     Filter,
@@ -32,13 +31,13 @@ from jerkbench.contracts import (
 )
 from jerkbench.errors import require_known
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.evaluation.counted_rows import counted_rows, largest_norm, position_error_m
-from jerkbench.evaluation.evaluated_run import prepare_reference, run_status, sums_from, sums_of, why_diverged
+from jerkbench.evaluation.counted_rows import counted_rows
+from jerkbench.evaluation.evaluated_run import sums_of
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.parameters import provenance_of, range_problems
 from jerkbench.plugins import create, is_builtin, missing_member, samples
 from jerkbench.recording import Recording
-from jerkbench.timeline import RecordedRun, Timeline, build_timeline
+from jerkbench.timeline import Timeline
 
 Plugin = Any
 """A plugin of any kind."""
@@ -283,13 +282,10 @@ def _check_estimator(subject: str, plugin: Estimator, *, thorough: bool) -> None
     estimate = pure_result(Estimate, f"{subject}.estimate()", plugin.estimate, *inputs)
     if thorough:
         _check_estimate(subject, estimate)
-    if thorough and isinstance(plugin, Batched):
-        if (compiled := plugin.estimate_compiled(*inputs)) is not None:  # None means that `estimate` has to run instead
-            _check_agreement(f"{subject}.estimate_compiled()", compiled, estimate, "estimate()")
-        _check_sums(f"{subject}.run_settings()", plugin, *inputs, estimate)
 
 
-def _check_agreement(subject: str, got: Estimate, wanted: Estimate, reference: str) -> None:
+def check_agreement(subject: str, got: Estimate, wanted: Estimate, reference: str) -> None:
+    """Check that two estimates agree within `AGREEMENT_M` and `AGREEMENT`."""
     require_that(np.array_equal(got.index, wanted.index), f"{subject} reaches other rows than {reference}.")
     for name in ("position_m", "velocity_mps"):
         off = np.abs(getattr(got, name) - getattr(wanted, name)).max()
@@ -297,28 +293,6 @@ def _check_agreement(subject: str, got: Estimate, wanted: Estimate, reference: s
     sigma = np.sqrt(np.einsum("nii->ni", wanted.covariance))
     off = (np.abs(got.covariance - wanted.covariance) / (sigma[:, :, None] * sigma[:, None, :])).max()
     require_that(off <= AGREEMENT, f"covariance of {subject} is {off:.3g} (relative) off {reference}.")
-
-
-def _check_sums(
-    subject: str, plugin: Batched, recording: Recording, attitude: Attitude, adaptation: Adaptation, wanted: Estimate
-) -> None:
-    """Compare the sums of two batched runs with the sums over a trajectory, with a limit at which both runs diverge."""
-    timeline = build_timeline(recording, attitude)
-    limit_m = 0.5 * largest_norm(position_error_m(wanted, recording))
-    reference = prepare_reference(recording, timeline, BURN_IN_S, limit_m)
-    if reference is None:
-        return
-    expected = sums_of(wanted, recording, counted_rows(wanted, recording, BURN_IN_S))
-    diverged = run_status(wanted, recording, limit_m)[1]
-    run, settings = RecordedRun(recording, attitude, timeline, reference.scoring), ([plugin] * 2, [adaptation] * 2)
-    results = plugin.run_settings([run, run], *settings, updates=False, attitude=False, threads=1)
-    require_that(len(results) == 2, f"{subject} returns {len(results)} results for 2 runs.")
-    for result in filter(None, results):
-        got, reason = sums_from(result, reference, recording), why_diverged(result, reference, recording)
-        for name in ("position_m2", "velocity_m2ps2", "nees", "nis_per_row"):
-            near = np.allclose(getattr(got, name), getattr(expected, name), rtol=AGREEMENT, atol=AGREEMENT_M**2)
-            require_that(near, f"{name} of {subject} differs from the value of estimate().")
-        require_that(reason == diverged, f"{subject} reports '{reason}' for a run that diverged, not '{diverged}'.")
 
 
 # Engines.
@@ -332,7 +306,7 @@ def check_engine(plugin: Plugin, *, thorough: bool = True) -> None:
     estimate = pure_result(Estimate, f"{subject}.run()", plugin.run, *inputs)
     if thorough:
         _check_estimate(subject, estimate)
-        _check_agreement(subject, estimate, _reference_run(*inputs), "the reference engine")
+        check_agreement(subject, estimate, _reference_run(*inputs), "the reference engine")
 
 
 # Adaptations.

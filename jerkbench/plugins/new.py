@@ -6,9 +6,8 @@ import keyword
 import re
 import sys
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
-from importlib import import_module
-from importlib.metadata import EntryPoint, PackageNotFoundError, distribution, entry_points, version
+from collections.abc import Iterator, Mapping
+from importlib.metadata import EntryPoint, PackageNotFoundError, distribution, version
 from pathlib import Path
 
 from jerkbench import plugins
@@ -27,7 +26,7 @@ SOURCES = ("", "src")
 
 
 def entry_points_of(package: str) -> list[EntryPoint]:
-    """Return the entry points of the plugins in a package: a folder with a pyproject.toml, a distribution or a module.
+    """Return the entry points of the plugins in a package: a folder with a pyproject.toml, or a distribution.
 
     Raises:
         PluginError: The package is unknown, or it has no plugin.
@@ -37,8 +36,6 @@ def entry_points_of(package: str) -> list[EntryPoint]:
     except PackageNotFoundError:
         found = []
     found = [entry for entry in found if entry.group.startswith(GROUP)]
-    if not found and not Path(package).is_dir():
-        found = _of_module(package)
     if not found:
         raise PluginError(
             f'{package} has no plugin. Add an entry point NAME = "MODULE:CLASS" to the section'
@@ -59,24 +56,6 @@ def _of_folder(folder: Path) -> Iterator[EntryPoint]:
         raise PluginError(f"{project} cannot be read: {error}.") from error
     for group, names in groups.items():
         yield from (EntryPoint(name, value, group) for name, value in names.items())
-
-
-def _of_module(module: str) -> list[EntryPoint]:
-    """Return the entry points that refer to a module, or without any, the plugins that the module registers."""
-
-    def inside(entries: Iterable[EntryPoint]) -> list[EntryPoint]:
-        return [entry for entry in entries if f"{entry.module}.".startswith(f"{module}.")]
-
-    if found := inside(entry for kind in plugins.KINDS for entry in entry_points(group=f"{GROUP}{kind}")):
-        return found
-    try:
-        import_module(module)
-    except ImportError as error:
-        raise PluginError(
-            f"'{module}' is not a folder, an installed distribution or a module ({error}); give one of these."
-        ) from error
-    known = ((kind, name, plugins.get(kind, name)) for kind in plugins.KINDS for name in plugins.names(kind))
-    return inside(EntryPoint(name, f"{c.__module__}:{c.__qualname__}", f"{GROUP}{kind}") for kind, name, c in known)
 
 
 def check_package(package: str) -> list[JunitCase]:

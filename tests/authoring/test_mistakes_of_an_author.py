@@ -1,6 +1,5 @@
 """Mistakes of an author: each is a sentence of `jerkbench check`, and most are one before a sweep begins."""
 
-import json
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -41,11 +40,10 @@ MISTAKES = {
     "missing_type": ({"parameter": "factor = 4.0"}, "has no type, so it is not a parameter; write factor: float = 4.0"),
     "not_found": ({"name": "Elsewhere"}, "cannot be imported: AttributeError: module 'not_found' has no attribute"),
     "nan_result": ({"body": "return R * np.nan"}, "adapt() has NaN as a variance; infinity drops a row"),
-    "wrong_type": ({"parameter": 'factor: float = "x"'}, ".factor has the type float and the default 'x'; correct"),
     "raises": ({"body": "return R * (1 / 0)"}, "raises ZeroDivisionError"),
 }
 REFUSED = ("misspelt", "not_found")
-"""Mistakes of a class, with which nothing at all runs; the check finds missing and wrong types in the same way."""
+"""Mistakes of a class, with which nothing at all runs; the check finds missing types in the same way."""
 
 TOLD = ("wrong_shape", "in_place", "state_on_self", "nan_result")
 """Mistakes of a method, which are told before the first cell."""
@@ -122,24 +120,19 @@ def test_the_others_are_told_before_the_first_cell_runs(installed, tmp_path):
         assert line.startswith(f"Every run with the adaptation {module} will fail: ")
 
 
-def test_json_and_junit_say_the_same(tmp_path):
+def test_junit_has_the_findings(tmp_path):
     mistake, sentence = MISTAKES["wrong_shape"]
     write(tmp_path, "wrong_shape", mistake)
-    answer = json.loads(verb("check", str(tmp_path), "--format", "json", cwd=tmp_path).stdout)
     suite = ET.fromstring(verb("check", str(tmp_path), "--format", "junit", cwd=tmp_path).stdout)  # noqa: S314 - our own
 
-    assert answer["ok"] is False
-    (finding,) = answer["plugins"][0]["findings"]
-    assert finding["severity"] == "error"
-    assert sentence in finding["sentence"]
     assert suite.attrib["failures"] == "1"
-    assert suite.find("testcase/failure").attrib["message"] == finding["sentence"]
+    assert suite.find("testcase/failure").attrib["message"].endswith(f"{sentence}.")
 
 
 @pytest.mark.parametrize(
     ("package", "sentence"),
     [
-        ("nothing_of_that_name", "'nothing_of_that_name' is not a folder, an installed distribution or a module"),
+        ("nothing_of_that_name", "nothing_of_that_name has no plugin. Add an entry point"),
         ("json", "json has no plugin. Add an entry point"),
         (".", "has no pyproject.toml"),
     ],
@@ -149,12 +142,3 @@ def test_what_is_no_package_is_a_sentence(tmp_path, package, sentence):
 
     assert done.returncode == 2
     assert sentence in done.stderr
-
-
-def test_a_module_of_the_tree_is_checked_by_its_name(tmp_path):
-    done = verb("check", "jerkbench.adaptation.windowed", cwd=tmp_path)
-
-    assert (done.returncode, done.stdout) == (
-        0,
-        "adaptation adaptive_q: satisfies its contract.\nadaptation iae: satisfies its contract.\n",
-    )

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from commands import experiment
-from jerkbench.campaign.answer import NO_FAULT, answered, compared_text, judged_audit, kinds_of, pays_from
+from jerkbench.campaign.answer import NO_FAULT, answered, judged_audit, kinds_of, pays_from
 from jerkbench.campaign.audit import losses_of, write_audit_manifest, write_protocol
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.drives_and_tunings import statements
@@ -81,7 +81,7 @@ def test_a_mixture_that_cannot_be_is_refused_in_a_sentence(answer, mixture, said
 def test_a_verdict_that_turns_is_a_defect_and_a_method_without_a_row_an_error(answer):
     ratios = {("jerk", "mtf"): 0.5, ("baseline", "chi2"): 0.6}
     other = statements(losses_of(made_rows(seed=1, ratio=ratios)))
-    text = compared_text(SMALL.methods, answer.said, other)
+    text = PAGE.compared_text(SMALL.methods, answer.said, other)
     assert "2 change between better and worse, which is a defect" in text
     assert "- jerk + mtf, own plain filter: better, then worse" in text
     judged = answer.rows.judged

@@ -226,14 +226,11 @@ def test_the_board_shows_every_entry_and_escapes_what_it_says_of_itself(made, tm
 
     done = verb("suite", "board", str(tmp_path), "--rows", "0", cwd=tmp_path)
 
-    html, text = ((tmp_path / name).read_text() for name in ("board.html", "board.md"))
+    text = (tmp_path / "board.md").read_text()
     assert done.returncode == 0, done.stderr
-    for page in (html, text):
-        assert "<img" not in page
-        assert "&lt;img src=x onerror=alert(1)&gt;" in page
-        assert "baseline + chi2" in page
-    assert "onerror=alert(1)&gt;&#124; |" in text
-    assert "http" not in html.replace("<meta http-equiv=", "")
+    assert "<img" not in text
+    assert "baseline + chi2" in text
+    assert "&lt;img src=x onerror=alert(1)&gt;&#124; |" in text
     assert "1 (1 to 1)" in text  # both are the same, and share the first place
     assert "no: see below" in text  # its page says another name
 

@@ -51,18 +51,14 @@ def test_it_says_that_budgets_were_equal_and_writes_trials_figure_and_files_for_
     place = tuned[0] / "results/adhoc/tune/baseline-chi2"
     setting = json.loads((place / "tuning.json").read_text())["setting"]
     texts = {path.name: path.read_text() for path in (place / "export").iterdir()}
-    node, gins, own = (
-        yaml.safe_load(texts[name]) for name in ("robot_localization.yaml", "kf-gins.yaml", "eskf15.yaml")
-    )
+    node = yaml.safe_load(texts["robot_localization.yaml"])
     density = setting["filter.accel_mps2"] ** 2 * 0.01  # the field's IMU gives 100 samples a second
     noise = node["ekf_filter_node"]["ros__parameters"]["process_noise_covariance"]
     assert len(noise) == 225
     assert noise[16 * 6] == pytest.approx(density, rel=1e-4)
     assert min(noise[::16]) > 0  # a zero would freeze that state
     assert noise[0] == 0.05  # its own default
-    assert gins["imunoise"]["vrw"] == pytest.approx([60 * density**0.5] * 3, rel=1e-4)
-    assert own["filter"]["velocity_random_walk_mps_per_sqrt_h"] == pytest.approx(60 * density**0.5, rel=1e-4)
-    assert all("oes not map" in text for text in texts.values())
+    assert "oes not map" in texts["robot_localization.yaml"]
 
 
 def printed(text):
@@ -196,9 +192,8 @@ def test_the_same_command_goes_on_where_it_was(tuned):
     [
         (["filter=gnss_only"], "no parameter of the filter gnss_only and the adaptation none has a range"),
         (["filter=baseline,jerk"], "There are 2 methods; add -m"),
-        (["trials=0"], "trials and finalists must be at least 1"),
+        (["trials=0"], "trials is 0; it must be at least 1"),
         (["trials=many"], "trials:"),
-        (["sampler=soboll"], "Did you mean 'sobol'"),
         (["objective=rmsee"], "Did you mean 'rmse'"),
         (["split=seed"], "Did you mean 'seeds'"),
         (["split=families"], "held_out=[NAME,...]"),

@@ -7,8 +7,13 @@ import pandas as pd
 import pytest
 
 from jerkbench import plugins
-from jerkbench.plugins.samples import small_recording
+from jerkbench.contracts import Batched
+from jerkbench.evaluation.counted_rows import counted_rows, largest_norm, position_error_m
+from jerkbench.evaluation.evaluated_run import prepare_reference, run_status, sums_from, sums_of, why_diverged
+from jerkbench.plugins.checks import AGREEMENT, AGREEMENT_M, BURN_IN_S, check_agreement
+from jerkbench.plugins.samples import small_recording, true_attitude
 from jerkbench.testing import check_plugin
+from jerkbench.timeline import RecordedRun, build_timeline
 
 KINDS = ("disturbance", "attitude", "filter", "adaptation", "metric")
 SHORT = {"duration_s": 12.0, "stand_s": 2.0, "rut_times_s": (8.0,)}
@@ -38,7 +43,33 @@ def plugin(kind, name):
 
 @pytest.mark.parametrize(("kind", "name"), [plugin(kind, name) for kind in KINDS for name in own(kind)])
 def test_it_conforms(kind, name):
-    check_plugin(kind, plugins.create(kind, {"name": name}))
+    plugin = plugins.create(kind, {"name": name})
+    check_plugin(kind, plugin)
+    if kind == "filter" and isinstance(plugin, Batched):
+        check_batched(plugin)
+
+
+def check_batched(plugin):
+    """Compare a compiled run, and the sums of two batched runs that diverge, with a run in Python."""
+    recording = small_recording()
+    attitude, adaptation = true_attitude(recording), plugins.create("adaptation", {"name": plugin.adaptations[0]})
+    wanted = plugin.estimate(recording, attitude, adaptation)
+    if (compiled := plugin.estimate_compiled(recording, attitude, adaptation)) is not None:
+        check_agreement("estimate_compiled()", compiled, wanted, "estimate()")
+    timeline = build_timeline(recording, attitude)
+    limit_m = 0.5 * largest_norm(position_error_m(wanted, recording))
+    if (reference := prepare_reference(recording, timeline, BURN_IN_S, limit_m)) is None:
+        return
+    expected = sums_of(wanted, recording, counted_rows(wanted, recording, BURN_IN_S))
+    diverged = run_status(wanted, recording, limit_m)[1]
+    run, settings = RecordedRun(recording, attitude, timeline, reference.scoring), ([plugin] * 2, [adaptation] * 2)
+    results = plugin.run_settings([run, run], *settings, updates=False, attitude=False, threads=1)
+    assert len(results) == 2
+    for result in filter(None, results):
+        got = sums_from(result, reference, recording)
+        for name in ("position_m2", "velocity_m2ps2", "nees", "nis_per_row"):
+            assert np.allclose(getattr(got, name), getattr(expected, name), rtol=AGREEMENT, atol=AGREEMENT_M**2), name
+        assert why_diverged(result, reference, recording) == diverged
 
 
 @pytest.mark.parametrize("name", [name for name in own("dataset") if name.startswith("field")])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 from scipy.stats import t
+from signed_intervals import mean_interval
 
 from jerkbench.evaluation.correlated_errors import autocorrelation, block_interval, correlation_rows
-from jerkbench.evaluation.over_seeds import mean_interval
 
 
 def autoregressive(phi, n, seed, count=1):

@@ -11,7 +11,7 @@ import pytest
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.metrics.attitude import AttitudeRmse, Inclination
 from jerkbench.evaluation.metrics.position import PositionRmse, VelocityRmse
-from jerkbench.evaluation.metrics.recovery import Outage, OutageAxes
+from jerkbench.evaluation.metrics.recovery import Outage
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 
@@ -175,22 +175,6 @@ def test_an_estimate_that_is_nan_is_not_left_out_and_a_huge_error_is_infinite(es
     assert math.isnan(values["position_max_m"])
     far = dataclasses.replace(estimate, position_m=estimate.position_m + 1e200)
     assert PositionRmse().evaluate(far, recording, counted)["position_rmse_m"] == math.inf
-
-
-def test_the_axes_of_outage_errors_are_the_naive_loop(estimate, recording, counted):
-    squares = []
-    for row, position, count in zip(estimate.index, estimate.position_m, counted, strict=True):
-        t, truth = recording.reference.t_s[row], recording.reference.enu_m[row]
-        if count and not np.isnan(truth).any() and any(begin <= t < end for begin, end in recording.outages_s):
-            squares.append([(a - b) ** 2 for a, b in zip(position, truth, strict=True)])
-    east, north, up = (sum(axis) / len(squares) for axis in zip(*squares, strict=True))
-
-    assert 5 < len(squares) < 14
-    assert OutageAxes().evaluate(estimate, recording, counted) == pytest.approx(
-        {"outage_rmse_horizontal_m": math.sqrt(east + north), "outage_rmse_up_m": math.sqrt(up)}
-    )
-    nothing = OutageAxes().evaluate(estimate, recording, np.zeros(len(estimate.index), dtype=bool))
-    assert all(math.isnan(value) for value in nothing.values())
 
 
 def test_the_angle_is_that_between_the_third_rows_of_the_matrices_whatever_the_yaw(estimate, recording, counted):

@@ -1,4 +1,4 @@
-"""Spikes and false returns against closed forms, errors in silence against the law of chi-square."""
+"""False returns, and errors in silence against the law of chi-square."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -8,9 +8,7 @@ import pytest
 from scipy.stats import chi2
 
 from jerkbench import api
-from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.metrics.consistency import SilentError
-from jerkbench.evaluation.metrics.recovery import Capture, Gate
 from jerkbench.recording import Imu, Origin, Position, Recording, Reference
 
 FIX_S = 0.2
@@ -30,57 +28,6 @@ def standing(length_s, sigma_m=1.0):
 def estimated(recording, **adaptation):
     chosen = adaptation or {"name": "none"}
     return api.estimate(recording, filter="baseline", adaptation=chosen, attitude={"name": "none"})
-
-
-def test_the_largest_spike_that_a_gate_takes_is_its_closed_form():
-    """o' S^-1 o = chi2(p, 3) with S = P- + R, P- from the filter's covariance before the fix."""
-    spikes = {"name": "spike_sweep", "smallest_m": 2.0, "largest_m": 12.0, "every_s": 4.0}
-    recording = api.disturb(standing(620.0), spikes, 1)
-    run = estimated(recording, name="chi2", probability=0.99)
-    got = Gate().evaluate(run, recording, counted_rows(run, recording, 5.0))
-    late = np.flatnonzero(np.isclose(recording.reference.t_s[run.index] % FIX_S, FIX_S - 0.01) & (run.index > 10_000))
-    prior_m2 = float(np.median(run.covariance[late, 0, 0]))
-    closed_m = np.sqrt(chi2.ppf(0.99, 3) * (prior_m2 + 1.0))
-
-    assert got["spike_taken_m"] == pytest.approx(closed_m, rel=0.05)
-    assert got["spike_refused_m"] == pytest.approx(closed_m, rel=0.05)
-
-
-def test_without_a_gate_the_largest_spike_is_taken_and_steps_by_the_gain():
-    recording = api.disturb(standing(620.0), {"name": "spike_sweep", "every_s": 20.0}, 1)
-    run = estimated(recording)
-    got = Gate().evaluate(run, recording, counted_rows(run, recording, 5.0))
-    late = np.flatnonzero(np.isclose(recording.reference.t_s[run.index] % FIX_S, FIX_S - 0.01) & (run.index > 10_000))
-    prior_m2 = float(np.median(run.covariance[late, 0, 0]))
-
-    assert got["spike_taken_m"] == pytest.approx(200.0)
-    assert np.isnan(got["spike_refused_m"])
-    assert got["spike_step_m"] == pytest.approx(200.0 * prior_m2 / (prior_m2 + 1.0), rel=0.05)
-
-
-def answered(recording, error_at):
-    """An estimate whose error east is ``error_at`` of the time."""
-    t_s = recording.reference.t_s
-    error = np.column_stack([error_at(t_s), np.zeros((len(t_s), 2))])
-    run = SimpleNamespace(index=np.arange(len(t_s)), position_m=recording.reference.enu_m + error)
-    return Capture().evaluate(run, recording, t_s > 5.0)
-
-
-@pytest.mark.parametrize(
-    ("error_at", "captured", "returned", "return_s"),
-    [
-        (lambda t_s: np.where((t_s > 50) & (t_s < 73), 100.0, 0.0), 100, 100, 3.0),  # follows and comes back
-        (lambda t_s: np.where(t_s > 50, 100.0, 0.0), 100, 0, np.nan),  # stays where it was led
-        (lambda t_s: np.where(t_s > 40, 3.0 * (t_s - 40), 0.0), 100, 0, np.nan),  # rejects for ever, and drifts
-        (lambda t_s: 0 * t_s + 1.0, 0, 100, 0.0),  # never minds
-    ],
-)
-def test_what_a_false_return_does_is_told(error_at, captured, returned, return_s):
-    false = {"name": "false_return", "windows_s": [[40.0, 50.0]], "offset_m": 100.0, "false_s": 20.0}
-    got = answered(api.disturb(standing(120.0), false, 3), error_at)
-
-    assert (got["captured_percent"], got["returned_percent"]) == (captured, returned)
-    assert got["return_s"] == pytest.approx(return_s, abs=0.02, nan_ok=True)
 
 
 def test_a_false_return_is_an_outage_and_then_one_offset():

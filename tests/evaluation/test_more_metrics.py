@@ -8,20 +8,17 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
-from jerkbench.errors import PluginError
 from jerkbench.estimate import Updates
 from jerkbench.evaluation import correlated_errors
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.metrics.consistency import (
     Coverage,
-    Credibility,
     Crps,
     Innovation,
     LogScore,
-    credibility,
     crps,
 )
-from jerkbench.evaluation.metrics.position import OneRecording, Percentiles, PositionRmse, RelativeError
+from jerkbench.evaluation.metrics.position import OneRecording, Percentiles, PositionRmse
 from jerkbench.evaluation.metrics.recovery import Lockout, OutageDrift, Recovery, fault_windows_s, step_response
 from jerkbench.recording import Position
 
@@ -88,28 +85,6 @@ def test_the_log_score_is_scipys_density_once_a_second_and_best_with_the_true_co
     assert score(0.5) < min(score(0.35), score(0.7))
 
 
-def test_the_relative_error_is_the_naive_loop_and_none_of_a_constant_error(estimate, recording, counted, errors):
-    d = 20.0
-    truth = recording.reference.enu_m
-    driven, before, places = 0.0, None, {}
-    for row, point in enumerate(truth):
-        if not np.isnan(point).any():
-            driven += 0.0 if before is None else math.dist(point, before)
-            before, places[row] = point, driven
-    along = [(places[estimate.index[k]], e) for k, e in errors]
-    squares = []
-    for s, e in along:
-        later = [other for t, other in along if t >= s + d]
-        if later:
-            squares.append(sum((later[0] - e) ** 2))
-    got = RelativeError(distance_m=d).evaluate(estimate, recording, counted)["relative_error_percent"]
-    assert got == pytest.approx(100 * math.sqrt(np.mean(squares)) / d)
-    shifted = dataclasses.replace(estimate, position_m=recording.reference.enu_m[estimate.index] + [3.0, 4.0, 0.0])
-    assert RelativeError(distance_m=5.0).evaluate(shifted, recording, counted)["relative_error_percent"] < 1e-9
-    with pytest.raises(PluginError, match="must be more than 0"):
-        RelativeError(distance_m=0.0)
-
-
 def test_the_drift_is_the_growth_over_the_outages(estimate, recording, counted):
     """Outages from 10 to 14 and from 20 to 22 s, of which the reference (every 0.5 s) knows all but row 25, up."""
     t_s = recording.reference.t_s[estimate.index]
@@ -173,8 +148,8 @@ def test_the_interval_of_one_recording_holds_its_rmse_where_it_is_long_enough(
 @pytest.mark.parametrize(
     "metric",
     [
-        *(Coverage(), Percentiles(), LogScore(), RelativeError(), OneRecording(), OutageDrift()),
-        *(Crps(), Credibility(), Recovery()),
+        *(Coverage(), Percentiles(), LogScore(), OneRecording(), OutageDrift()),
+        *(Crps(), Recovery()),
     ],
 )
 def test_where_nothing_counts_there_is_no_number(metric, estimate, recording, counted):
@@ -189,16 +164,11 @@ def test_the_crps_is_the_integral_of_its_definition(error, sigma):
     assert crps(np.array([error]), np.array([sigma]))[0] == pytest.approx(below + above, rel=1e-6)
 
 
-def test_crps_and_credibility_of_known_errors():
+def test_the_crps_of_known_errors():
     np.testing.assert_array_equal(crps(np.array([-2.0, 3.0]), np.zeros(2)), [2.0, 3.0])
     errors = np.random.default_rng(1).standard_normal(40_000)
     scores = [crps(errors, np.full(40_000, sigma)).mean() for sigma in (0.7, 1.0, 1.4)]
     assert min(scores) == scores[1]
-    nees = np.random.default_rng(2).chisquare(3, 500)
-    assert credibility(10 * nees, nees)[0] == pytest.approx(10)
-    assert credibility(0.1 * nees, nees)[1] == pytest.approx(-10)
-    assert credibility(nees, nees)[0] == 0
-    assert math.isnan(credibility(np.array([]), np.array([]))[0])
 
 
 def test_an_exponential_halves_in_its_half_life_and_what_stays_never_does():
@@ -232,19 +202,6 @@ def test_the_crps_is_the_mean_of_integrals(estimate, recording, counted, sampled
     some = np.zeros_like(counted)
     some[rows[:8]] = True
     assert Crps().evaluate(estimate, recording, some)["position_crps_m"] == pytest.approx(np.mean(naive), rel=1e-4)
-
-
-@pytest.mark.parametrize(("factor", "inclination"), [(1.0, 0.0), (10.0, 10.0), (0.1, -10.0)])
-def test_errors_that_are_larger_than_said_have_decibels(estimate, recording, counted, sampled, factor, inclination):
-    """Covariances equal to the mean square errors of the run over a factor, row by row."""
-    error = np.random.default_rng(3).normal(size=(len(estimate.index), 3))
-    rows = np.zeros(len(error), dtype=bool)
-    rows[sampled] = True
-    covariance = np.tile(np.eye(6), (len(error), 1, 1))
-    covariance[:, :3, :3] = error[rows].T @ error[rows] / rows.sum() / factor
-    got = Credibility().evaluate(placed(estimate, recording, error, covariance), recording, counted)
-    assert got["inclination_db"] == pytest.approx(inclination, abs=1e-9)
-    assert got["non_credibility_db"] == pytest.approx(abs(inclination), abs=1e-9)
 
 
 def test_an_error_that_halves_every_second_recovers_in_one_and_without_outages_nothing(estimate, recording, counted):

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from scipy.stats import bootstrap, ttest_1samp
 from scipy.stats import t as student
+from signed_intervals import Interval, mean_interval
 
 from jerkbench.evaluation import over_seeds
 from jerkbench.evaluation.intervals import bca_ends
-from jerkbench.evaluation.over_seeds import Interval, Samples, mean_interval, mean_intervals
+from jerkbench.evaluation.over_seeds import Samples, mean_intervals
 
 
 def naive_bca(values, confidence, resamples, seed):

@@ -31,7 +31,6 @@ def test_a_dry_sweep_says_what_it_would_do_and_does_nothing(tmp_path):
     assert "\n  jerk, mtf: 3 runs\n" in done.stdout
     assert "Left out 1 combination: the filter gnss_only does not support adaptation=mtf" in done.stdout
     assert "3 combinations, 0 complete; 9 runs to compute." in done.stdout
-    assert "The time cannot be estimated" in done.stdout
     assert not list(tmp_path.rglob("*.parquet"))
 
 
@@ -55,26 +54,9 @@ def test_a_single_run_says_how_much_of_the_sweep_of_its_experiment_it_ignores(tm
         assert err.count("\n") == bool(said)
 
 
-def test_the_time_is_that_of_what_is_most_alike(tmp_path, monkeypatch):
-    api.sweep(tmp_path / "first", dataset=FIELD, filter=["baseline", "jerk"], seeds=2)
-    original = Store.read
-
-    def read(self, *arguments):
-        cells, broken = original(self, *arguments)
-        for cell in cells:
-            cell.metadata["seconds"] = {"baseline": 6.0, "jerk": 20.0}[cell.metadata["spec"]["filter"]["name"]]
-        return cells, broken
-
-    monkeypatch.setattr(Store, "read", read)
-    plan, store = plan_of("baseline", "jerk", "bias"), Store(tmp_path / "second")
-
-    assert list(forecast(plan, store, 1))[-1].startswith("About 78 s")  # 4 * (3 + 10 + 6.5); bias: the median of both
-    assert list(forecast(plan, store, 2))[-1].startswith("About 39 s with 2 workers, estimated from 2 stored")
-
-
 def test_what_is_done_is_not_counted(tmp_path):
     api.sweep(tmp_path / "mine", dataset=FIELD, filter="jerk", seeds=4)
-    told = list(forecast(plan_of("jerk"), Store(tmp_path / "mine"), 1))
+    told = list(forecast(plan_of("jerk"), Store(tmp_path / "mine")))
 
     assert told[1].endswith("jerk, none, default: complete")
     assert told[-1] == "1 combination, 1 complete; 0 runs to compute."

@@ -88,7 +88,7 @@ def test_the_key_depends_on_everything_that_the_rows_depend_on(monkeypatch):
 )
 def test_an_impossible_protocol_is_refused(option, values):
     for value in values:
-        with pytest.raises(PluginError, match=f"{option} is {value:g}; "):
+        with pytest.raises(PluginError, match=f"{option} is {value}; "):
             Protocol(**{option: value})
     Protocol(burn_in_s=0.0, divergence_limit_m=float("inf"))
 

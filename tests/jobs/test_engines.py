@@ -41,7 +41,7 @@ def test_the_rows_are_those_of_the_own_pool(expected, tmp_path):
 
 
 def test_the_page_names_every_cluster_and_its_parameters_and_no_other():
-    named = set(re.findall(r"cluster=(\w+)", PAGE)) | set(re.findall(r"`(pbs|lsf)`", PAGE))
+    named = set(re.findall(r"cluster=(\w+)", PAGE))
     assert named == set(preset_names("cluster"))
     presets = (config_folder() / "cluster").glob("*.yaml")
     known = {name for path in presets for name in re.findall(r"^(\w+):", path.read_text(), flags=re.MULTILINE)}

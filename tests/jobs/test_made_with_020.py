@@ -50,7 +50,7 @@ def test_its_table_has_the_numbers_that_it_had_and_its_findings_their_ratios(stu
 def test_a_row_of_it_runs_again_to_the_same_numbers(study, tmp_path):
     told = verb("rerun", study, "15", cwd=tmp_path)  # to the bit only on a processor of the same kind
     assert "numbers differ." in told.stdout, told.stderr
-    for name, was, now in replay_differences(stored_row(study, "15")):
+    for name, was, now in replay_differences(stored_row(study, 15)):
         assert now == pytest.approx(was, rel=1e-9, abs=0, nan_ok=True), name
 
 

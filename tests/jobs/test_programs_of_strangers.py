@@ -43,7 +43,6 @@ REFUSED = (2, "Programs run only with --run-programs")
     [
         (["report", "results/theirs"], LEFT_OUT),
         (["figures", "results/theirs"], LEFT_OUT),
-        (["table", "results/theirs", "--costs"], LEFT_OUT),
         (["rerun", "results/theirs", "1"], REFUSED),
         (["export", "results/theirs", "1", "--tum", "tum"], REFUSED),
     ],

@@ -21,6 +21,7 @@ from jerkbench.jobs.rows import job_rows
 from jerkbench.jobs.run import run_missing
 from jerkbench.jobs.store import Store
 from made_jobs import job_with
+from stored_cells import keys_of
 
 
 def test_a_row_that_two_sweeps_have_computed_counts_once(tmp_path):
@@ -94,7 +95,7 @@ def test_a_sweep_that_is_interrupted_goes_on_and_is_tabled(expected, tmp_path, t
         first = verb(*WORDS, f"results={results}", cwd=tmp_path)
     assert first.returncode == 130
     study = results / "adhoc"
-    assert len(Store(study).keys_from("")) == 2
+    assert len(keys_of(study)) == 2
 
     again = verb(*WORDS, f"results={results}", cwd=tmp_path)
     assert again.returncode == 0, again.stderr

@@ -13,7 +13,7 @@ import pytest
 
 from commands import PATIENCE_S, SHORT, alive, children_of, environment, swept, verb
 from jerkbench.jobs.store import Store
-from stored_cells import drop
+from stored_cells import drop, keys_of
 
 CELLS = ["filter=baseline,jerk,gnss_only", "disturbance=none,imu_bias", "noise.accel_mps2=0.1,0.2"]
 WORDS = ["run", "-m", *SHORT[:-1]]
@@ -130,7 +130,7 @@ def test_where_there_is_no_room_nothing_finished_is_lost_and_it_is_said(tmp_path
         assert sentence in full.stderr
         assert "Traceback" not in full.stderr
         assert not [path for path in cells.glob("*") if path.suffix != ".parquet"]
-    assert len(Store(cells.parent).keys_from("")) == 15
+    assert len(keys_of(cells.parent)) == 15
     again = swept(*CELLS, "disturbance=none,imu_bias,gnss_outage", cwd=tmp_path)
     assert "15 of 15 combinations are already complete" in again.stderr
     assert len(rows_of(tmp_path)) == 15

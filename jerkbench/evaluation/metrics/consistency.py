@@ -261,24 +261,6 @@ def crps(error: FloatArray, sigma: FloatArray) -> FloatArray:
     return np.asarray(np.where(certain, np.abs(error), score), dtype=np.float64)
 
 
-def credibility(nees: FloatArray, ideal: FloatArray) -> tuple[float, float]:
-    """Return the non-credibility index and the inclination indicator [dB] of the filter.
-
-    ``nees`` (n,) are computed with the covariances of the filter, and ``ideal`` (n,) with the true mean square errors::
-
-        NCI = 10/n sum |log10(nees_i/ideal_i)|
-
-    The non-credibility index NCI is 0 for a credible filter. An index of 10 means that the covariances are wrong by a
-    factor of ten on average, in either direction. The inclination indicator has the same equation without the absolute
-    value. If the inclination indicator is above 0, the filter is overconfident.
-
-    Source: Li, Zhao and Li, "Estimator's credibility and its measures", IFAC World Congress (2002).
-    """
-    known = (nees > 0) & (ideal > 0) & np.isfinite(nees) & np.isfinite(ideal)
-    logs = np.log10(nees[known] / ideal[known])
-    return (float(10 * np.mean(np.abs(logs))), float(10 * np.mean(logs))) if known.any() else (np.nan, np.nan)
-
-
 @register("metric", "crps")
 @dataclass(frozen=True)
 class Crps(Summed):
@@ -307,41 +289,3 @@ class Crps(Summed):
             return {"position_crps_m": np.nan}
         with np.errstate(over="ignore", invalid="ignore"):
             return {"position_crps_m": float(np.mean(crps(error, np.sqrt(variance))))}
-
-
-@register("metric", "credibility")
-@dataclass(frozen=True)
-class Credibility(Summed):
-    """Non-credibility index and inclination indicator of the position.
-
-    Let e_i be the position error, P_i its covariance in the filter, and S = 1/N sum e_i e_i' an estimate of the true
-    mean square error, at the first counted row of each second (N rows)::
-
-        rho_i = e_i' P_i^-1 e_i / (e_i' S^-1 e_i)
-        non_credibility_db = 10/N sum |log10 rho_i|     0 is credible, 10 a factor of ten in either direction
-        inclination_db     = 10/N sum log10 rho_i       above 0 overconfident, below it too cautious
-
-    In contrast to ANEES, the non-credibility index and the inclination indicator are not dominated by a single large
-    error. S is the mean over the rows of one run, not over several runs at the same time. Errors whose size varies
-    within a run therefore increase the non-credibility index. The values are NaN for fewer than four rows. The metric
-    is computed only on request: ``metrics=[credibility]``.
-
-    Source: Li, Zhao and Li, "Estimator's credibility and its measures", IFAC World Congress (2002).
-    """
-
-    columns: ClassVar[Mapping[str, Column]] = {
-        "non_credibility_db": Column("Non-credibility index of the position"),
-        "inclination_db": Column("Inclination indicator of the covariances of the position", expected=0),
-    }
-
-    default: ClassVar[bool] = False
-
-    def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the two values of the metric by column name."""
-        error = sums.sampled_m
-        square = error.T @ error / max(1, len(error))
-        if len(error) < 4 or not np.isfinite(square).all() or np.linalg.matrix_rank(square) < 3:
-            return {"non_credibility_db": np.nan, "inclination_db": np.nan}
-        nees = squared_distances(error, sums.sampled_covariance_m2)
-        ideal = squared_distances(error, np.broadcast_to(square, (len(error), 3, 3)))
-        return dict(zip(("non_credibility_db", "inclination_db"), credibility(nees, ideal), strict=True))

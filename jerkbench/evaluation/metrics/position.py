@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,14 +13,13 @@ from jerkbench.evaluation.counted_rows import (
     POSITION_AXES,
     VELOCITY_AXES,
     counted_errors,
-    driven_m,
     known,
     position_error_m,
     rms,
     rms_norm,
 )
 from jerkbench.evaluation.evaluated_run import Summed
-from jerkbench.parameters import Column, Limit, Limited
+from jerkbench.parameters import Column
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -116,43 +115,6 @@ class Percentiles:
                 percentiles = np.percentile(norm, PERCENTILES) if len(norm) else np.full(len(PERCENTILES), np.nan)
             values |= {f"position{name}_p{q}_m": float(v) for q, v in zip(PERCENTILES, percentiles, strict=True)}
         return values
-
-
-@register("metric", "relative_error")
-@dataclass(frozen=True)
-class RelativeError(Limited):
-    """Error of the displacement over a fixed distance, relative to this distance.
-
-    Let e_i = p_i - p_ref,i be the position error at the counted rows [m], s_i the distance that the reference has
-    covered up to row i [m], and j(i) the first row with s_j >= s_i + d::
-
-        relative_error_percent = 100/d sqrt(mean over i of |e_j(i) - e_i|^2)
-
-    The displacements are not rotated or aligned, so the metric includes the effect of attitude errors. Rows within the
-    last d metres of the drive are left out. The value is NaN if all rows are left out. The metric is computed only on
-    request: ``metrics=[relative_error]``.
-
-    Source: Geiger, Lenz and Urtasun, "Are we ready for autonomous driving?", CVPR 2012, 3.2, without the alignment.
-
-    Attributes:
-        distance_m: length d of the displacement [m].
-    """
-
-    columns: ClassVar[Mapping[str, Column]] = {
-        "relative_error_percent": Column("Error of the displacement (3-D), of the distance"),
-    }
-
-    default: ClassVar[bool] = False
-
-    distance_m: Annotated[float, Limit(lambda distance: distance > 0, "it must be more than 0.")] = 50.0
-
-    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the value of the metric by column name."""
-        rows, error = counted_errors(estimate, recording, counted)
-        driven = driven_m(recording.reference)[estimate.index[rows]]
-        end = np.searchsorted(driven, driven + self.distance_m * (1 - 1e-12))
-        begin = np.flatnonzero(end < len(driven))
-        return {"relative_error_percent": 100 * rms_norm(error[end[begin]] - error[begin]) / self.distance_m}
 
 
 @register("metric", "reference_floor")

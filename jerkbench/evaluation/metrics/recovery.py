@@ -9,13 +9,10 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, streaks
 from jerkbench.estimate import Estimate, Sums, Updates
 from jerkbench.evaluation.counted_rows import (
-    counting,
+    counted_errors,
     first_counted_s,
     mean,
-    position_error_m,
     rms,
-    rms_norm,
-    timed_errors,
 )
 from jerkbench.evaluation.evaluated_run import Summed
 from jerkbench.parameters import Column
@@ -99,15 +96,6 @@ def step_response(t_s: FloatArray, error: FloatArray, begin_s: float, end_s: flo
     return StepResponse(peak, halved_s)
 
 
-def step_responses(t_s: FloatArray, error: FloatArray, begins_s: FloatArray) -> list[StepResponse]:
-    """Return the response of (n,) errors to each of the faults that start at ``begins_s`` (k,).
-
-    The response to a fault ends at the start of the next fault.
-    """
-    ends_s = [*begins_s[1:].tolist(), np.inf]
-    return [step_response(t_s, error, *span) for span in zip(begins_s.tolist(), ends_s, strict=False)]
-
-
 @register("metric", "recovery")
 @dataclass(frozen=True)
 class Recovery:
@@ -138,9 +126,14 @@ class Recovery:
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the three values of the metric by column name."""
-        t_s, _, error = timed_errors(estimate, recording, counted)
-        begins = fault_windows_s(recording)[:, 0]
-        answers = step_responses(t_s, error, begins[begins > t_s[0]] if len(t_s) else begins[:0])
+        rows, error = counted_errors(estimate, recording, counted)
+        t_s = recording.reference.t_s[estimate.index[rows]]
+        with np.errstate(over="ignore", invalid="ignore"):
+            length_m = np.linalg.norm(error, axis=1)
+        begins_s = fault_windows_s(recording)[:, 0]
+        begins_s = begins_s[begins_s > t_s[0]] if len(t_s) else begins_s[:0]
+        ends_s = np.append(begins_s[1:], np.inf)
+        answers = [step_response(t_s, length_m, *span) for span in zip(begins_s, ends_s, strict=False)]
         return {
             "recovery_s": median_time_s([answer.halved_s for answer in answers]),
             "recovery_peak_m": median_time_s([answer.peak for answer in answers]),
@@ -198,35 +191,6 @@ class Outage(Summed):
             "outage_end_percent": mean(100 * float(ends.sum()), driven_m),
             "outages_counted": float(ends.size) if sums.outages else float("nan"),
         }
-
-
-@register("metric", "outage_axes")
-@dataclass(frozen=True)
-class OutageAxes:
-    """Horizontal and vertical position error inside the outages of the recording.
-
-    Let e_i = p_i - p_ref,i be the position error in ENU [m], at the N counted rows inside any outage, as in the metric
-    `outage`::
-
-        outage_rmse_horizontal_m  = sqrt(1/N sum (e_east^2 + e_north^2))
-        outage_rmse_up_m          = sqrt(1/N sum e_up^2)
-
-    In a GNSS outage, a measured wheel speed limits the horizontal error, whereas the vertical error depends on the
-    attitude. The values are NaN if no counted row is inside an outage.
-    """
-
-    columns: ClassVar[Mapping[str, Column]] = {
-        "outage_rmse_horizontal_m": Column("Position RMSE during outages, horizontal", section=7),
-        "outage_rmse_up_m": Column("Position RMSE during outages, up", section=8),
-    }
-
-    default: ClassVar[bool] = False
-
-    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the two values of the metric by column name."""
-        inside = counting(estimate.index, recording, counted).outage
-        error = position_error_m(estimate, recording)[inside]
-        return {"outage_rmse_horizontal_m": rms_norm(error[:, :2]), "outage_rmse_up_m": rms_norm(error[:, 2:])}
 
 
 @register("metric", "outage_drift")
@@ -320,139 +284,3 @@ def used_and_reported(updates: Updates, recording: Recording) -> tuple[FloatArra
     variances = np.diagonal(position.covariance_m2, axis1=1, axis2=2)[nearest[same]]
     reported[:, same] = np.maximum(variances.T, VARIANCE_FLOOR)
     return used, reported
-
-
-class _Displaced(NamedTuple):
-    """A sequence of successive faulty fixes.
-
-    Attributes:
-        fixes: number of faulty fixes.
-        begin_s: time of the first faulty fix [s].
-        end_s: time of the next fix that is not faulty [s], or infinity without such a fix.
-        size_m: size of the fault: the largest square root of trace(R_true - R) over the faulty fixes [m].
-    """
-
-    fixes: int
-    begin_s: float
-    end_s: float
-    size_m: float
-
-
-def _displaced(recording: Recording) -> list[_Displaced]:
-    position = recording.position
-    if position is None:
-        return []
-    size_m = np.sqrt(np.maximum(np.trace(position.true - position.reported, axis1=1, axis2=2), 0.0))
-    t_s = [*position.t_s.tolist(), np.inf]
-    return [
-        _Displaced(b - a, t_s[a], t_s[b], float(size_m[a:b].max())) for a, b in streaks(_at_fault(position)).tolist()
-    ]
-
-
-@register("metric", "gate")
-@dataclass(frozen=True)
-class Gate:
-    """Size of the single displaced fixes that a filter accepts, their effect, and the recovery time.
-
-    A spike is a single faulty fix between fixes that are not faulty. A fix is faulty if its true variance on any axis
-    is more than four times the reported variance. The size of a spike is the square root of trace(R_true - R). A filter
-    accepts a spike if the variance in its update is at most four times the reported variance on every axis. Let e be
-    the position error [m]. The metric includes the spikes after the first counted row::
-
-        spike_taken_m       the largest accepted spike; 0 without one
-        spike_refused_m     the smallest spike that was not accepted; NaN without one
-        spike_step_m        the largest |e(t+) - e(t-)|: the counted rows next to a spike, before and at or after it
-        spike_recovery_s    median time from the peak after a spike until |e| is halfway back and stays there
-
-    A filter without a gate accepts the largest spike. For a sharp gate, spike_taken_m and spike_refused_m are almost
-    equal. They are not exactly equal, because the fixes are noisy. All values are NaN if no fix is a spike. The metric
-    is computed only on request: ``metrics=[gate]``, with the disturbance `spike_sweep`.
-    """
-
-    columns: ClassVar[Mapping[str, Column]] = {
-        "spike_taken_m": Column("Largest accepted displaced fix"),
-        "spike_refused_m": Column("Smallest rejected displaced fix"),
-        "spike_step_m": Column("Largest step of the position at a displaced fix"),
-        "spike_recovery_s": Column("Time until the error (3-D) after a displaced fix is halfway back, median"),
-    }
-
-    default: ClassVar[bool] = False
-
-    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the four values of the metric by column name."""
-        t_s, error, length_m = timed_errors(estimate, recording, counted)
-        spikes = [d for d in _displaced(recording) if d.fixes == 1 and len(t_s) and d.begin_s > t_s[0]]
-        if not spikes:
-            return dict.fromkeys(self.columns, np.nan)
-        at_s, size_m = (np.array([getattr(spike, name) for spike in spikes]) for name in ("begin_s", "size_m"))
-        taken = _taken(estimate, recording, at_s)
-        after = np.minimum(np.searchsorted(t_s, at_s - 1e-9), len(t_s) - 1)
-        with np.errstate(over="ignore", invalid="ignore"):
-            steps_m = np.linalg.norm(error[after] - error[np.maximum(after - 1, 0)], axis=1)
-        return {
-            "spike_taken_m": float(np.max(size_m[taken], initial=0.0)),
-            "spike_refused_m": float(np.min(size_m[~taken])) if not taken.all() else np.nan,
-            "spike_step_m": float(np.max(steps_m)),
-            "spike_recovery_s": median_time_s([of.halved_s for of in step_responses(t_s, length_m, at_s)]),
-        }
-
-
-def _taken(estimate: Estimate, recording: Recording, at_s: FloatArray) -> BoolArray:
-    """Return a mask (s,) of the fixes at the times ``at_s`` (s,) that were accepted without an inflated variance."""
-    updates = estimate.updates
-    if not len(updates.t_s):
-        return np.ones(len(at_s), dtype=np.bool_)
-    used, reported = used_and_reported(updates, recording)
-    update = np.clip(np.searchsorted(updates.t_s, at_s - 1e-6), 0, len(updates.t_s) - 1)
-    accepted = np.isfinite(used[:, update]) & (used[:, update] <= INFLATED * reported[:, update])
-    same = np.abs(updates.t_s[update] - at_s) < 1e-5
-    return np.asarray(accepted.all(axis=0) & same, dtype=np.bool_)
-
-
-@register("metric", "capture")
-@dataclass(frozen=True)
-class Capture:
-    """Response of a filter to several fixes with a common false position, and to the correct fixes after them.
-
-    A false stretch consists of two or more successive fixes whose true variance on an axis is more than four times the
-    reported variance. The size d of a stretch is the largest square root of trace(R_true - R) over the fixes of the
-    stretch. Let |e| be the length of the position error [m] at counted rows::
-
-        captured_percent    fraction of the stretches at whose last row |e| > d/2: the filter followed
-        returned_percent    fraction after which |e| <= d/2 before the next stretch or the end, permanently
-        return_s            median time from the first correct fix until the return; infinite without a return
-
-    A filter that rejects all fixes is not captured. If such a filter has drifted away, it does not return. The values
-    are NaN if the recording has no false stretch. The metric is computed only on request: ``metrics=[capture]``, with
-    the disturbance `false_return`.
-    """
-
-    columns: ClassVar[Mapping[str, Column]] = {
-        "captured_percent": Column("False returns that the filter followed"),
-        "returned_percent": Column("False returns after which the filter came back", judged=False),
-        "return_s": Column("Time from the first correct fix until the filter is back, median"),
-    }
-
-    default: ClassVar[bool] = False
-
-    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the three values of the metric by column name."""
-        t_s, _, length_m = timed_errors(estimate, recording, counted)
-        stretches = [d for d in _displaced(recording) if d.fixes > 1]
-        nexts_s = [*(stretch.begin_s for stretch in stretches[1:]), np.inf]
-        captured, times_s = [], []
-        for stretch, next_s in zip(stretches, nexts_s, strict=False):
-            before, behind = t_s < stretch.end_s, (t_s >= stretch.end_s) & (t_s < next_s)
-            if not (before.any() and behind.any()):
-                continue
-            captured.append(bool(length_m[before][-1] > stretch.size_m / 2))
-            far = np.flatnonzero(~(length_m[behind] <= stretch.size_m / 2))
-            back = 0 if not len(far) else int(far[-1]) + 1
-            times_s.append(float(t_s[behind][back] - stretch.end_s) if back < behind.sum() else np.nan)
-        if not captured:
-            return dict.fromkeys(self.columns, np.nan)
-        return {
-            "captured_percent": 100 * float(np.mean(captured)),
-            "returned_percent": 100 * float(np.mean(np.isfinite(times_s))),
-            "return_s": median_time_s(times_s),
-        }

@@ -10,11 +10,13 @@ import pandas as pd
 import pytest
 
 from commands import swept
-from jerkbench.jobs.replay import stored_row
+from jerkbench.jobs.replay import row_of
+from jerkbench.jobs.store import Store
 from jerkbench.report.page import page
 from jerkbench.report.page_content import settings
 from jerkbench.report.plots.studies import Picture
 from jerkbench.report.review import TUNED, review
+from stored_cells import keys_of
 
 SWEEP = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,multipath_single_axis", "seeds=2"]
 
@@ -72,7 +74,8 @@ def test_the_lines_are_the_errors_of_the_first_run_of_every_cell(report):
     assert [len(one["lines"]) for one in traces["scenarios"]] == [4, 4]
     for scenario in traces["scenarios"]:
         for line in scenario["lines"]:
-            recording, estimate = stored_row(report.parent, line["key"]).run()
+            (stored,), _ = Store(report.parent).read([line["key"]])
+            recording, estimate = row_of(stored).run()
             error = np.linalg.norm(estimate.position_m - recording.reference.enu_m[estimate.index], axis=1)
             shown = np.array([value for value in line["error"] if value is not None])
             assert shown.max() == pytest.approx(error.max(), rel=1e-3)

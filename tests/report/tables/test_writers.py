@@ -41,7 +41,7 @@ def test_a_columns_name_says_title_and_unit_and_what_is_the_better_the_higher_is
         "m": "M",
     }
     assert {column: quantity(column).heading for column in headings} == headings
-    judged = {"captured_percent": True, "returned_percent": False, "rejected_percent": False}
+    judged = {"silent_error_percent": True, "rejected_percent": False}
     assert {column: quantity(column).lowest_is_best for column in judged} == judged
 
 
