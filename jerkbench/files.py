@@ -3,7 +3,7 @@
 import os
 import stat
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
@@ -13,6 +13,7 @@ from xml.etree import ElementTree as ET
 import yaml
 from platformdirs import user_cache_path
 
+from jerkbench.errors import JerkbenchError
 from jerkbench.notices import plain
 
 
@@ -150,15 +151,77 @@ def filled(page: str, parts: Mapping[str, str]) -> str:
     return page
 
 
+# Untrusted YAML. A few lines with aliases can expand to more values than fit into memory.
+
+
+MAX_VALUES = 100_000
+"""Maximum number of values in a file. An alias counts as all the values that it repeats."""
+
+MAX_DEPTH = 100
+"""Maximum depth of nested lists and mappings."""
+
+MAX_INTERPOLATIONS = 20
+"""Maximum number of interpolations (${...}). Interpolations repeat values and can be nested, as aliases."""
+
+LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+TOO_DEEP = "exceeded maximum nesting depth"
+"""Error message of newer versions of libyaml. These versions read ahead and detect the depth before `require_small`."""
+
+
 def read_yaml(path: Path) -> Any:  # noqa: ANN401 - any YAML value
-    """Read a YAML file.
+    """Read an untrusted YAML file.
 
     Raises:
+        JerkbenchError: The file has too many values or interpolations, or is nested too deeply.
         OSError: The file cannot be read.
         ValueError: The file is not UTF-8.
         yaml.YAMLError: The file is not valid YAML.
     """
-    return yaml.safe_load(path.read_text(encoding="utf-8"))
+    text = path.read_text(encoding="utf-8")
+    require_small(text, path)
+    return yaml.safe_load(text)
+
+
+def require_small(text: str, path: Path) -> None:
+    """Require that a YAML text is not too large and not nested too deeply, without creating the values of the text.
+
+    Raises:
+        JerkbenchError: The text has too many values or interpolations, is nested too deeply, or has a recursive alias.
+        yaml.YAMLError: The text is not valid YAML.
+    """
+    values, interpolations = 0, 0
+    sizes: dict[str | None, int] = {}
+    open_since: list[tuple[str | None, int]] = []
+    for event in _events(text, path):
+        if isinstance(event, yaml.AliasEvent):
+            values += sizes.get(event.anchor, MAX_VALUES + 1)
+        elif isinstance(event, yaml.NodeEvent):
+            open_since.append((event.anchor, values))
+            values += 1
+        if isinstance(event, (yaml.ScalarEvent, yaml.CollectionEndEvent)):
+            anchor, before = open_since.pop()
+            sizes[anchor] = values - before
+        interpolations += event.value.count("${") if isinstance(event, yaml.ScalarEvent) else 0
+        if interpolations > MAX_INTERPOLATIONS:
+            raise JerkbenchError(f"{path} has more than {MAX_INTERPOLATIONS} interpolations, ${{...}}; give values.")
+        if values > MAX_VALUES or len(open_since) > MAX_DEPTH:
+            raise _too_large(path)
+
+
+def _events(text: str, path: Path) -> Iterator[yaml.Event]:
+    """Yield the parser events of a YAML text. If libyaml rejects the nesting depth, raise a `JerkbenchError`."""
+    try:
+        yield from yaml.parse(text, LOADER)
+    except yaml.MarkedYAMLError as error:
+        if error.problem == TOO_DEEP:
+            raise _too_large(path) from error
+        raise
+
+
+def _too_large(path: Path) -> JerkbenchError:
+    limits = f"more than {MAX_VALUES} values, or lists that are nested more than {MAX_DEPTH} deep"
+    return JerkbenchError(f"{path} has {limits}. An alias (*NAME) counts as all the values that it repeats.")
 
 
 # Results of checks in the JUnit format, which continuous integration services read.

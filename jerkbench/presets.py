@@ -1,5 +1,6 @@
 """The folders of built-in presets and user presets, and functions that read presets as plain data."""
 
+import os
 import re
 from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
@@ -9,6 +10,9 @@ from typing import Any
 
 from jerkbench.errors import PluginError, unknown
 from jerkbench.renamed import new_name
+
+_VARIABLES_ALLOWED = "JERKBENCH_ENV"
+"""Environment variable with a list of the environment variables that a configuration may read."""
 
 
 def config_folder() -> Path:
@@ -136,7 +140,7 @@ def as_experiment(path: Path) -> dict[str, Any]:
     """
     from omegaconf import OmegaConf
 
-    content: Any = OmegaConf.to_container(_read_unresolved(path))
+    content: Any = OmegaConf.to_container(_read_unresolved(path)[0])
     require_harmless(path, content)
     entries = [entry for entry in content.pop("defaults", []) if entry not in ("config", "schema")]
     choices = [
@@ -192,12 +196,15 @@ def merged_values(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any
 def _read(path: Path) -> dict[str, Any]:
     from omegaconf import OmegaConf
 
-    values: Any = OmegaConf.to_container(_read_unresolved(path), resolve=True)
+    content, variables = _read_unresolved(path)
+    for name in variables:
+        environment_variable(name, None)
+    values: Any = OmegaConf.to_container(content, resolve=True)
     return values or {}
 
 
-def _read_unresolved(path: Path) -> Any:  # noqa: ANN401 - a configuration
-    """Return the content of a file with unresolved interpolations.
+def _read_unresolved(path: Path) -> tuple[Any, list[str]]:
+    """Return the content of a file with unresolved interpolations, and the environment variables that the file reads.
 
     Raises:
         PluginError: The file cannot be read.
@@ -205,16 +212,35 @@ def _read_unresolved(path: Path) -> Any:  # noqa: ANN401 - a configuration
     from yaml import YAMLError
 
     try:
-        return _parsed(path.read_text(encoding="utf-8"))
+        return _parsed(path, path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, YAMLError) as error:
         raise PluginError(f"{path} cannot be read: {' '.join(str(error).split())}.") from error
 
 
 @lru_cache(maxsize=256)
-def _parsed(text: str) -> Any:  # noqa: ANN401 - a configuration
+def _parsed(path: Path, text: str) -> tuple[Any, list[str]]:
+    """Return a preset and the environment variables that the preset reads. The text is the key of the cache."""
     from omegaconf import OmegaConf
 
-    return OmegaConf.load(StringIO(text))
+    from jerkbench.files import require_small
+
+    require_small(text, path)
+    content = OmegaConf.load(StringIO(text))
+    return content, re.findall(r"\$\{oc\.env:(\w+)", OmegaConf.to_yaml(content))
+
+
+def environment_variable(name: str, *default: str | None) -> str | None:
+    """Return the value of an environment variable that JERKBENCH_ENV lists. Tables may print these values.
+
+    Raises:
+        PluginError: The variable is not allowed, or it is not set and the configuration has no default.
+    """
+    if name not in os.environ.get(_VARIABLES_ALLOWED, "").replace(",", " ").split():
+        allowing = f"to allow its value in names and tables, set {_VARIABLES_ALLOWED}={name}"
+        raise PluginError(f"The configuration reads the environment variable {name}; {allowing}.")
+    if name not in os.environ and not default:
+        raise PluginError(f"The configuration reads the environment variable {name}, which is not set; set {name}.")
+    return os.environ.get(name, *default)
 
 
 def _default(kind: str, preset_name: str, entry: object) -> dict[str, Any]:

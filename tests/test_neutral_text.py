@@ -8,8 +8,10 @@ import pandas as pd
 import pytest
 
 from commands import SHORT, verb
+from jerkbench.errors import PluginError
 from jerkbench.files import write_text
 from jerkbench.notices import plain
+from jerkbench.presets import _VARIABLES_ALLOWED, environment_variable
 from jerkbench.report.writers import csv_text, inert, latex_escaped, markdown_grid, policy, write_rows_csv
 
 
@@ -52,6 +54,17 @@ def test_files_latex_and_pages_hold_nothing_that_steers_or_ends_a_line(tmp_path)
     assert f"default-src 'none'; script-src 'sha256-{digest}';" in policy(["own()"])
 
 
+def test_the_environment_is_read_on_request_only(tmp_path, monkeypatch):
+    monkeypatch.setenv("A_SECRET", "xyzzy")
+    words = ("run", *SHORT, "engine=filterpy", "notes=['${oc.env:A_SECRET}']", "--dry")
+    done = verb(*words, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "A_SECRET" in done.stderr
+    assert "xyzzy" not in done.stdout + done.stderr
+    monkeypatch.setenv(_VARIABLES_ALLOWED, "A_SECRET")
+    assert verb(*words, cwd=tmp_path).returncode == 0
+
+
 @pytest.mark.parametrize("word", ["+foo=1", "++foo=1", "+x={a:1}", "+noise.foo=1", "++noise.foo=1", "+cluster.foo=2"])
 @pytest.mark.parametrize("mode", [[], ["-m"]])
 def test_an_option_that_there_is_not_cannot_be_added(tmp_path, word, mode):
@@ -69,3 +82,13 @@ def test_help_is_printed(tmp_path, words, printed):
     done = verb(*words, cwd=tmp_path)
     assert done.returncode == 0
     assert printed in done.stdout
+
+
+def test_a_named_variable_that_is_not_set_is_no_text(monkeypatch):
+    monkeypatch.setenv("JERKBENCH_ENV", "NOT_SET")
+    monkeypatch.delenv("NOT_SET", raising=False)
+
+    with pytest.raises(PluginError, match="NOT_SET, which is not set"):
+        environment_variable("NOT_SET")
+    assert environment_variable("NOT_SET", None) is None
+    assert environment_variable("NOT_SET", "data") == "data"

@@ -37,6 +37,7 @@ def test_a_value_may_refer_to_another_or_to_the_environment(monkeypatch):
 
     for sigma in ("0.5", "0.7"):
         monkeypatch.setenv("SIGMA_OF_A_TEST", sigma)
+        monkeypatch.setenv("JERKBENCH_ENV", "SIGMA_OF_A_TEST")
         told = {"name": "jerk", "accel_mps2": "${oc.env:SIGMA_OF_A_TEST}"}
         assert plugins.create("filter", told).accel_mps2 == float(sigma)
 

@@ -84,10 +84,14 @@ def test_presets_of_presets_are_merged_in_their_order(conf):
         preset("dataset", "mine")
 
 
-def test_a_preset_reads_an_environment_variable(conf, monkeypatch):
-    conf("filter", "mine", "defaults: [jerk]\naccel_mps2: ${oc.env:SIGMA}\n")
-    monkeypatch.setenv("SIGMA", "0.5")
+def test_a_preset_reads_an_environment_variable_only_on_request(conf, monkeypatch):
+    conf("filter", "mine", "defaults: [jerk]\naccel_mps2: ${oc.env:SECRET}\n")
+    monkeypatch.setenv("SECRET", "0.5")
 
+    with pytest.raises(PluginError, match="JERKBENCH_ENV=SECRET"):
+        preset("filter", "mine")
+
+    monkeypatch.setenv("JERKBENCH_ENV", "SECRET")
     assert preset("filter", "mine")["accel_mps2"] == "0.5"
 
 

@@ -30,6 +30,13 @@ def test_a_full_disk_behind_standard_output_is_a_sentence(tmp_path, words):
     assert "Traceback" not in done.stderr
 
 
+def test_a_date_that_is_none_is_refused_at_once(tmp_path, monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "x")
+    done = verb("list", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "SOURCE_DATE_EPOCH is 'x'" in done.stderr
+
+
 def test_more_seeds_than_can_be_run_are_refused_at_once():
     with pytest.raises(PluginError, match="at most 100000"):
         Seeds(test=2147483648)
@@ -55,6 +62,14 @@ def test_a_worker_that_died_and_too_little_memory_are_a_sentence(tmp_path, monke
     assert done.returncode == 2
     assert said in done.stderr
     assert "path" not in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("words", ["list", "run dataset.duration_s=8"])
+def test_less_memory_than_the_libraries_need_is_refused_at_once(tmp_path, words):
+    done = shell(f"ulimit -v 500000; PROGRAM {words}", tmp_path)
+    assert done.returncode == 2
+    assert "488 MiB" in done.stderr
     assert done.stderr.count("\n") == 1
 
 

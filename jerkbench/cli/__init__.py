@@ -10,7 +10,9 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, distribution, version
+from pathlib import Path
+from typing import Any, cast
 
 from jerkbench.cli import campaigns, inspecting, plugins, recordings, results, single_runs
 from jerkbench.cli.arguments import group
@@ -47,6 +49,9 @@ figures_pdf, report, notes. --dry prints the planned runs and the combinations t
 and runs nothing. --config-dir DIR adds a folder with your presets (DIR/dataset/mine.yaml) to any command. The option
 can be given several times. --config-name NAME uses DIR/NAME.yaml as the experiment. Results are in results/STUDY. A
 stored run is not computed again, so the same command continues a sweep that was stopped.
+
+A configuration can read an environment variable (${oc.env:NAME}) only if JERKBENCH_ENV=NAME,... lists the variable,
+because the value of the variable appears in names and tables.
 
 Exit codes: 0 all runs are complete (a diverged run is a result); 1 a run failed, or a result cannot be stored;
 2 the input is invalid; 130 interrupted.
@@ -94,7 +99,7 @@ COMMANDS = (
 def parser() -> argparse.ArgumentParser:
     """Return the parser of all commands.
 
-    The parser of `run` is used only for help, not for runs.
+    The parser of `run` is used only for help and shell completion, not for runs.
     """
     root = argparse.ArgumentParser(
         prog="jerkbench", description="Which navigation filter is better, by how much, on which recordings, and why?"
@@ -104,11 +109,17 @@ def parser() -> argparse.ArgumentParser:
     root.add_argument("--config-dir", metavar="DIR", help=presets)
     root.add_argument("--config-name", metavar="NAME", help="use DIR/NAME.yaml as the experiment")
     commands = root.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    commands.add_parser("run", help="run one combination, or with -m a sweep (jerkbench run --help)")
+    run = commands.add_parser("run", help="run one combination, or with -m a sweep (jerkbench run --help)")
+    for option in ("-m", "--dry", "--cfg"):
+        run.add_argument(option)
+    run.add_argument("overrides", nargs="*")
     for declare in COMMANDS:
         declare(commands)
     return root
 
+
+REQUIRED_BYTES = 3 * 2**29
+"""Address space that is needed to load all libraries [bytes]."""
 
 SMALLER = "use fewer seeds or workers, shorter recordings, or a machine with more memory."
 
@@ -119,6 +130,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Args:
         arguments: The arguments of the command line (by default, the arguments of this process).
     """
+    if "_ARGCOMPLETE" in os.environ:
+        from argcomplete import autocomplete
+
+        autocomplete(parser(), default_completer=cast("Any", _overrides))
     given = list(sys.argv[1:] if arguments is None else arguments)
     if arguments is None:
         gc.set_threshold(50_000, 20, 100)  # importing libraries creates 200 000 objects that are never freed
@@ -127,7 +142,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")  # stdout is None if it is closed
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     with plain_output(), _error_messages(), _interrupt_first():
+        _require_installed()
+        _require_date()
         given = take_folders(given)
+        _require_memory()
         if given[:2] == ["help", "run"] or (given[:1] == ["run"] and {"-h", "--help"} & set(given)):
             print(RUN_HELP, end="")
         elif given[:1] == ["run"]:
@@ -139,6 +157,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
             with _file_errors("{path} cannot be read or written: {reason}; correct the path."):
                 parsed = _parsed(given)
                 parsed.function(parsed)
+
+
+def _overrides(prefix: str, **_: object) -> list[str]:
+    """Return the overrides that start with ``prefix`` (GROUP= or GROUP=NAME), for the shell completion."""
+    from jerkbench.hydra_app.overrides import NAMED_GROUPS, names_in
+
+    group, equals, _names = prefix.partition("=")
+    overrides = [f"{group}={name}" for name in names_in(group)] if equals else [f"{group}=" for group in NAMED_GROUPS]
+    return [override for override in overrides if override.startswith(prefix)]
 
 
 @contextmanager
@@ -169,6 +196,37 @@ def _interrupt_first() -> Iterator[None]:
     except Exception as error:
         let_interrupt_through(error)
         raise
+
+
+def _require_installed() -> None:
+    """Check that the package is installed, because its metadata are needed to find plugins and to store its version."""
+    try:
+        distribution("jerkbench")
+    except PackageNotFoundError:
+        tree = Path(__file__).parents[2]
+        installing = f"{sys.executable} -m pip install -e {tree}"
+        raise JerkbenchError(f"jerkbench runs from {tree} but is not installed. Run `{installing}`.") from None
+
+
+def _require_date() -> None:
+    """Check SOURCE_DATE_EPOCH before the runs start, because matplotlib would fail after the runs if it is invalid."""
+    given = os.environ.get("SOURCE_DATE_EPOCH", "")
+    if given and not given.isdecimal():
+        raise JerkbenchError(
+            f"SOURCE_DATE_EPOCH is '{given}'; give an integer number of seconds since 1970, or unset the variable."
+        )
+
+
+def _require_memory() -> None:
+    """Check the memory limit of the process, because OpenBLAS hangs and LLVM aborts if the limit is too low."""
+    try:
+        from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
+    except ImportError:  # Windows has no memory limit
+        return
+    limit = getrlimit(RLIMIT_AS)[0]
+    if limit != RLIM_INFINITY and limit < REQUIRED_BYTES:
+        needed = f"the libraries need {REQUIRED_BYTES // 2**20} MiB"
+        raise JerkbenchError(f"The memory limit (ulimit -v) is {limit // 2**20} MiB, but {needed}; raise the limit.")
 
 
 @contextmanager

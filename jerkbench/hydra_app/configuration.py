@@ -18,9 +18,10 @@ from yaml import YAMLError
 from jerkbench import plugins
 from jerkbench.contracts import preferred_attitude
 from jerkbench.errors import PluginError, require_known
+from jerkbench.files import require_small
 from jerkbench.jobs.executors import Cluster, Dask, JobQueue, Local
 from jerkbench.jobs.job import Job, Noise, Protocol, build
-from jerkbench.presets import as_experiment, config_folder, main_files, preset, require_harmless
+from jerkbench.presets import as_experiment, config_folder, environment_variable, main_files, preset, require_harmless
 from jerkbench.r_scale import RScale
 from jerkbench.renamed import RENAMED, new_name
 from jerkbench.report import Choice, figures_choice
@@ -92,6 +93,7 @@ SWEEPER: dict[str, Any] = {"_target_": "hydra_plugins.jerkbench.JerkbenchSweeper
 def register_schemas() -> None:
     """Register the schema, every plugin and the sweeper in the ConfigStore of Hydra."""
     _check_files()
+    OmegaConf.register_new_resolver("oc.env", environment_variable, replace=True)
     store = ConfigStore.instance()
     store.store(name="schema", node=Schema)
     store.store(group="noise", name="schema", node=Noise)
@@ -187,7 +189,7 @@ def _schema(kind: str, plugin: str, attitude: str | None) -> DictConfig:
 
 
 def _check_files() -> None:
-    """Wrap the file reader of Hydra, so that it rejects files that set options of Hydra."""
+    """Wrap the file reader of Hydra, so that it rejects files that are too large or that set options of Hydra."""
     Plugins.instance()
     source = SourcesRegistry.instance().resolve("file")
     load = source.load_config
@@ -195,6 +197,8 @@ def _check_files() -> None:
     def checked(self: Any, config_path: str) -> ConfigResult:  # noqa: ANN401 - a class that Hydra loads
         path = Path(self.path) / self._normalize_file_name(config_path)
         try:
+            if path.is_file():
+                require_small(path.read_text(encoding="utf-8"), path)
             result: ConfigResult = load(self, config_path)
         except (OSError, UnicodeDecodeError, YAMLError) as error:
             raise PluginError(f"{path} cannot be read: {' '.join(str(error).split())}.") from error

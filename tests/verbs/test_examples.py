@@ -3,10 +3,12 @@
 import re
 import shlex
 import shutil
+import subprocess
+import sys
 
 import pytest
 
-from commands import swept, verb
+from commands import environment, swept, verb
 from jerkbench.cli import RUN_HELP, parser
 
 NOT_RUN = ("jerkbench data fetch broad", "jerkbench audit")
@@ -92,3 +94,25 @@ def test_the_examples_go_well(folder):
             done = verb(*shlex.split(line)[1:], *SMALL.get(name, []), cwd=folder)
             assert done.returncode == 0, (line, done.stderr)
             assert done.stdout, line
+
+
+pytest.importorskip("argcomplete")
+
+
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("jerkbench data fe", {"fetch"}),
+        ("jerkbench tune --mul", {"--multirun"}),
+        ("jerkbench run exp", {"experiment="}),
+        ("jerkbench run filter=const", {"filter=constant_turn", "filter=constant_velocity"}),
+        ("jerkbench suite run adaptation=mtf_", {"adaptation=mtf_block", "adaptation=mtf_nis"}),
+    ],
+)
+def test_commands_options_and_plugins_are_offered(line, offered, tmp_path):
+    reply = tmp_path / "reply"
+    asked = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_STDOUT_FILENAME": str(reply), "_ARGCOMPLETE_IFS": "\n"}
+    asked |= {"COMP_LINE": line, "COMP_POINT": str(len(line)), "_ARGCOMPLETE_COMP_WORDBREAKS": " \t"}
+    subprocess.run([sys.executable, "-m", "jerkbench"], env=environment(**asked), check=False, timeout=300)
+
+    assert {word.strip() for word in reply.read_text(encoding="utf-8").splitlines()} == offered
