@@ -22,8 +22,6 @@ from jerkbench.report.review import TUNED
 from jerkbench.report.writers import passive
 
 TEMPLATES = Path(__file__).parent / "templates"
-SAMPLER = "sobol"
-"""Name of the sampler in stored files. Earlier versions had several samplers."""
 CURVE = (1, 4, 16, 64, 256, 1024)
 """Numbers of trials at which the budget curve (lowest loss against number of trials) is evaluated."""
 
@@ -53,7 +51,7 @@ def record(tuning: Tuning) -> dict[str, Any]:
     return {
         "method": tuning.name,
         "objective": tuning.objective.name,
-        "sampler": SAMPLER,
+        "sampler": tuning.budget.sampler,
         "trials": len(tuning.outcome.trials),
         "split": tuning.cases.split,
         "setting": dict(zip(names, tuning.setting, strict=True)),
@@ -206,13 +204,13 @@ def notes_of_tuning(tuning: Tuning) -> list[str]:
     attitude_only = is_attitude_only(tuning.job.method.filter)
     search = {
         "objective": tuning.objective.name,
-        "budget": {**asdict(budget), "sampler": SAMPLER, "restarts": 1},
+        "budget": {**asdict(budget), "restarts": 1},
         "split": cases.split,
         "scenarios": [case.labels.scenario for case in cases.tune] if not attitude_only else [],
     }
     plain = "mekf" if attitude_only else "the plain filter of the same model"
     effort = f"{TUNED}objective={tuning.objective.name}, trials={budget.trials}, finalists={budget.finalists}"
-    effort = f"{effort}, sampler={SAMPLER}"
+    effort = f"{effort}, sampler={budget.sampler}"
     ranges = ", ".join(f"{parameter.name} {parameter.bounds}" for parameter in tuning.space.parameters)
     parts = {"filter", "adaptation"} - {parameter.part for parameter in tuning.space.parameters}
     untuned = [f"{part} {tuning.job.spec[part]['name']}" for part in sorted(parts) if fields(tuning.job.part(part))]

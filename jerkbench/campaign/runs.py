@@ -1,7 +1,7 @@
 """Methods and scenarios of tunings, suites and audits, candidate settings of a search, and the computation of runs."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
@@ -10,7 +10,8 @@ from typing import Any
 
 import pandas as pd
 
-from jerkbench.campaign.space import Setting, Space, sobol_points, space_of
+from jerkbench.arrays import FloatArray
+from jerkbench.campaign.space import Setting, Space, sampler_of, space_of
 from jerkbench.contracts import is_attitude_only
 from jerkbench.errors import PluginError
 from jerkbench.jobs.executors import Workers
@@ -104,7 +105,10 @@ def tried_settings(trials: int, space: Space, scramble: int = 0) -> tuple[Settin
     return (space.start, *map(space.setting, _points(len(space.parameters), scramble, trials - 1)))
 
 
-_points = lru_cache(256)(sobol_points)
+_points: Callable[[int, int, int], FloatArray] = lru_cache(256)(
+    lambda k, seed, n: sampler_of("sobol", k, seed).suggest(n)
+)
+"""Points of a Sobol sequence. They are cached, because scrambling a Sobol sequence takes as long as several runs."""
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ import pandas as pd
 
 from jerkbench import plugins
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.campaign.runs import CampaignRuns, tried_settings
-from jerkbench.campaign.space import Setting, Space
+from jerkbench.campaign.runs import CampaignRuns
+from jerkbench.campaign.space import Setting, Space, sampler_of
 from jerkbench.campaign.split import Cases
 from jerkbench.contracts import is_attitude_only
 from jerkbench.errors import PluginError, RecordingError, require_known
@@ -25,7 +25,7 @@ from jerkbench.recording import Recording
 FAILED_RUN = math.log(100.0)
 """The loss of a failed run and the limit of all losses: log 100, for 100 times the error of the plain filter."""
 SETTINGS_AT_ONCE = 16
-"""Number of settings that are evaluated as one block."""
+"""Number of settings that are evaluated as one block. An adaptive sampler receives the losses after each block."""
 
 
 def log_losses_to(values: FloatArray, level: FloatArray | float) -> FloatArray:
@@ -226,11 +226,13 @@ class Budget(Limited):
 
     Attributes:
         trials: Number of settings that a search evaluates, including the setting before the search.
+        sampler: Name of the sampler: sobol, tpe or cma_es.
         finalists: Number of the best settings that are evaluated again on the validation cases.
-        seed: Seed of the Sobol sequence, from which the settings are taken.
+        seed: Seed of the sampler.
     """
 
     trials: Annotated[int, AT_LEAST_ONE] = 64
+    sampler: str = "sobol"
     finalists: Annotated[int, AT_LEAST_ONE] = 8
     seed: Annotated[int, NOT_NEGATIVE] = 0
 
@@ -263,13 +265,20 @@ def search(evaluator: Evaluator, cases: Cases, budget: Budget, advance: Advance 
         advance: Function that is called after each block of settings with the number of settings in the block.
 
     Raises:
-        JerkbenchError: A run failed.
+        JerkbenchError: The sampler is unknown, or a run failed.
     """
-    settings = tried_settings(budget.trials, evaluator.space, budget.seed)
+    space, sampler = evaluator.space, sampler_of(budget.sampler, len(evaluator.space.parameters), budget.seed)
     blocks: list[Trials] = []
-    for start in range(0, len(settings), SETTINGS_AT_ONCE):
-        blocks.append(evaluator.trials(settings[start : start + SETTINGS_AT_ONCE], cases.tune))
+    for start in range(0, budget.trials, SETTINGS_AT_ONCE):
+        first = [] if start else [space.start]
+        count = min(SETTINGS_AT_ONCE, budget.trials - start) - len(first)
+        blocks.append(
+            evaluator.trials([*first, *map(space.setting, sampler.suggest(count) if count else ())], cases.tune)
+        )
+        if count:
+            sampler.observe(blocks[-1].means[len(first) :].tolist())
         advance(len(blocks[-1]))
+    settings = tuple(setting for block in blocks for setting in block.settings)
     runs, failed, values = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("runs", "failed", "values"))
     trials = Trials(settings, runs, blocks[0].case, failed, values)
     best = trials.best(budget.finalists if cases.choose else 1)

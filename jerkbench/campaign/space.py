@@ -1,10 +1,11 @@
-"""The tunable parameters of a method, their values (settings), and the Sobol sequence that selects settings."""
+"""The tunable parameters of a method, their values (settings), and the samplers that select settings."""
 
 import dataclasses
 import warnings
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -151,17 +152,82 @@ def _parameters(part: str, plugin: object) -> Sequence[TunableParameter]:
     ]
 
 
-def sobol_points(dimensions: int, seed: int, count: int) -> FloatArray:
-    """Return the first ``count`` points of a scrambled Sobol sequence, which covers the search space evenly.
+class Sampler(Protocol):
+    """An algorithm that selects settings. Samplers are deterministic: the same calls return the same settings."""
 
-    The coverage is the same for all methods, so that the budgets of a comparison are equal.
+    def suggest(self, count: int) -> FloatArray:
+        """Return the next settings as fractions of the ranges, shape (count, d)."""
+        ...
+
+    def observe(self, losses: Sequence[float]) -> None:
+        """Pass the losses of the last suggested settings to the sampler. Smaller losses are better."""
+        ...
+
+
+class Sobol:
+    """A sampler of a scrambled Sobol sequence, which covers the search space evenly and does not depend on the losses.
+
+    The coverage is the same for all methods, so this sampler is suitable for comparisons.
 
     Source: A. B. Owen, "Scrambling Sobol' and Niederreiter-Xing points", Journal of Complexity 14, 1998,
     doi:10.1006/jcom.1998.0487; `scipy.stats.qmc.Sobol`.
     """
-    from scipy.stats import qmc
 
-    sequence = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed), bits=30)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # SciPy warns if the number of points is not a power of two
-        return np.asarray(sequence.random(count), dtype=np.float64)
+    def __init__(self, dimensions: int, seed: int) -> None:
+        from scipy.stats import qmc
+
+        self._sequence = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed), bits=30)
+
+    def suggest(self, count: int) -> FloatArray:
+        """Return the next ``count`` points of the Sobol sequence."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # SciPy warns if the number of points is not a power of two
+            return np.asarray(self._sequence.random(count), dtype=np.float64)
+
+    def observe(self, losses: Sequence[float]) -> None:
+        """Ignore the losses, because a Sobol sequence does not depend on losses."""
+
+
+class Optuna:
+    """A sampler of the library Optuna (extra ``tune``), which uses the losses of all earlier settings."""
+
+    def __init__(self, dimensions: int, seed: int, sampler: str, **options: Any) -> None:  # noqa: ANN401 - Optuna's
+        try:
+            import cmaes  # noqa: F401 - imported late by Optuna's CMA-ES
+            import optuna
+        except ImportError as error:
+            raise PluginError(
+                f"The samplers tpe and cma_es need {error.name}: `pip install 'jerkbench[tune]'`, or use sampler=sobol."
+            ) from error
+        optuna.logging.set_verbosity(optuna.logging.ERROR)
+        self._study = optuna.create_study(sampler=getattr(optuna.samplers, sampler)(seed=seed, **options))
+        unit = optuna.distributions.FloatDistribution(0.0, 1.0)
+        self._shares: dict[str, Any] = {f"{k}": unit for k in range(dimensions)}
+        self._trials: list[Any] = []
+
+    def suggest(self, count: int) -> FloatArray:
+        """Return the next ``count`` settings that Optuna suggests."""
+        self._trials = [self._study.ask(self._shares) for _ in range(count)]
+        return np.array([[trial.params[name] for name in self._shares] for trial in self._trials])
+
+    def observe(self, losses: Sequence[float]) -> None:
+        """Report the losses of the last suggested settings to Optuna."""
+        for trial, loss in zip(self._trials, losses, strict=True):
+            self._study.tell(trial, loss)
+
+
+SAMPLERS: dict[str, Callable[[int, int], Sampler]] = {
+    "sobol": Sobol,
+    "tpe": partial(Optuna, sampler="TPESampler"),
+    "cma_es": partial(Optuna, sampler="CmaEsSampler", warn_independent_sampling=False),
+}
+
+
+def sampler_of(name: str, dimensions: int, seed: int) -> Sampler:
+    """Create the sampler with the name ``name``.
+
+    Raises:
+        PluginError: The name is unknown, or the library of the sampler is not installed.
+    """
+    require_known("sampler", name, SAMPLERS)
+    return SAMPLERS[name](dimensions, seed)

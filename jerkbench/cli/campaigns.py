@@ -32,7 +32,7 @@ def tune_command(arguments: argparse.Namespace) -> None:
     (r_scale.position, r_scale.velocity). knobs=[filter.accel_mps2,...] selects some of these parameters.
 
       trials=64            number of settings, including the default setting
-      sampler_seed=0       seed of the Sobol sequence, from which the settings are taken
+      sampler=sobol        sobol (for comparisons), tpe, cma_es (the extra `tune`); sampler_seed=1: other settings
       objective=rmse       rmse: log of the RMSE relative to the plain filter of the same model, a diverged run counts
                            as log 100; likelihood: of the innovations, needs no reference; inclination: error of an
                            attitude filter

@@ -109,7 +109,7 @@ def _checked(text: str, *, sweeping: bool) -> str:
     if several and not sweeping:
         raise PluginError(f"{text} has several values; add -m to run each value, or write a list in [brackets].")
     if key == "hydra/sweeper" and value not in ("basic", "jerkbench"):
-        raise PluginError(f"{text} is not supported; to search for good parameters use `jerkbench tune`.")
+        raise PluginError(f"{text} is not supported; to search for good parameters use `jerkbench tune sampler=tpe`.")
     if override.is_delete():
         raise PluginError(f"{text}: options cannot be removed; omit {key} for its default value, or give {key}=VALUE.")
     if several and key == "cluster":

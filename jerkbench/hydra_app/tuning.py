@@ -45,7 +45,8 @@ class TuneOptions:
 
     Attributes:
         trials: Number of settings that a search evaluates, including the setting before the search.
-        sampler_seed: Seed of the Sobol sequence, from which the settings are taken.
+        sampler: Name of the sampler: sobol, tpe or cma_es.
+        sampler_seed: Seed of the sampler. For sobol, the seed determines the scrambling.
         objective: Name of the objective: rmse, likelihood (of the innovations, without a reference), inclination (error
             of an attitude filter) or auto. The value auto selects inclination if the method is an attitude filter,
             otherwise rmse.
@@ -62,6 +63,7 @@ class TuneOptions:
     """
 
     trials: int = 64
+    sampler: str = "sobol"
     sampler_seed: int = 0
     objective: str = "auto"
     split: str = "auto"
@@ -129,7 +131,7 @@ def tune_all(overrides: Sequence[str], *, several: bool, compare: bool = False) 
     runs = CampaignRuns(folder, workers)
     default = "inclination" if is_attitude_only(jobs[0][0].method.filter) else "rmse"
     objective = objective_of(default if options.objective == "auto" else options.objective)
-    budget = Budget(options.trials, options.finalists, options.sampler_seed)
+    budget = Budget(options.trials, options.sampler, options.finalists, options.sampler_seed)
     drives = [shared_inputs().undisturbed(job.scenario.dataset, job.draws[0]) for job in jobs[0]]
     measured = [name for name in R_STREAMS if any(getattr(drive, name) is not None for drive in drives)]
     first_jobs = [of_method[0] for of_method in jobs]

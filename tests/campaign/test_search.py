@@ -152,6 +152,17 @@ def test_the_setting_before_the_search_is_one_of_the_trials_and_another_restart_
     assert tuning.interval_s == pytest.approx(0.02)
 
 
+@pytest.mark.parametrize("sampler", ["tpe", "cma_es"])
+def test_a_learning_sampler_gives_the_same_settings_again(sampler, evaluator_of):
+    pytest.importorskip("optuna")
+    cell = cell_of()
+    cases = by_seeds([cell], Seeds(1, 0, 1))
+    first, second = (search(evaluator_of(cell), cases, Budget(20, sampler)).trials for _ in range(2))
+
+    assert first.settings == second.settings
+    assert len(set(first.settings)) == 20
+
+
 def test_a_lost_run_counts_log_100_and_none_counts_more():
     objective = objective_of("rmse")
     rows = {"status": ["ok", "diverged", "ok", "ok"], "position_rmse_m": [0.5, 2.0, np.nan, 1e9]}

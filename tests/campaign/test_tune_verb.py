@@ -194,6 +194,7 @@ def test_the_same_command_goes_on_where_it_was(tuned):
         (["filter=baseline,jerk"], "There are 2 methods; add -m"),
         (["trials=0"], "trials is 0; it must be at least 1"),
         (["trials=many"], "trials:"),
+        (["sampler=soboll"], "Did you mean 'sobol'"),
         (["objective=rmsee"], "Did you mean 'rmse'"),
         (["split=seed"], "Did you mean 'seeds'"),
         (["split=families"], "held_out=[NAME,...]"),

@@ -178,7 +178,7 @@ def test_config_name_uses_a_main_configuration_of_the_user(mine):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["run", "-m", "hydra/sweeper=optuna"], "`jerkbench tune`"),
+        (["run", "-m", "hydra/sweeper=optuna"], "`jerkbench tune sampler=tpe`"),
         (["filter=jerk", "seeds=2"], "to run this combination: jerkbench run filter=jerk seeds=2"),
     ],
 )
