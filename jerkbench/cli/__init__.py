@@ -69,14 +69,14 @@ SUITE = group(
 
 DATA = group(
     "data",
-    "work with recordings: inspect, receiver, convert, export, fetch, trace",
+    "work with recordings: inspect, receiver, convert, export, fetch, trace, cache",
     *(
         inspecting.inspect_command,
         inspecting.receiver_command,
         recordings.convert_command,
         recordings.data_export_command,
     ),
-    *(recordings.fetch_command, recordings.trace_command),
+    *(recordings.fetch_command, recordings.trace_command, recordings.cache_command),
 )
 
 COMMANDS = (

@@ -239,3 +239,32 @@ def trace_command(arguments: argparse.Namespace) -> None:
     centred = arguments.offset == "remove"
     write_trace(trace_of(recording, centred=centred, licence=arguments.licence, origin=arguments.origin), target)
     print(f"{target}: {trace_text(read_trace(target))}")
+
+
+@command(flag("--clear", help="delete the cache; its contents can be computed again"))
+def cache_command(arguments: argparse.Namespace) -> None:
+    """Show the contents of the user's cache, or clear it.
+
+    The cache does not contain fetched recordings, because they cannot be computed again.
+
+      jerkbench data cache
+      jerkbench data cache --clear
+    """
+    from jerkbench.compilation.compiled import COMPILED
+    from jerkbench.files import cache_folder
+    from jerkbench.io import bag
+    from jerkbench.jobs import inputs as simulation_cache
+
+    for title, name, patterns in (
+        ("compiled filters and adaptations", COMPILED, ("**/*",)),
+        ("messages of bags", bag.BAGS, (bag.PATTERN,)),
+        ("simulated recordings", simulation_cache.SIMULATED, (simulation_cache.SIMULATED_PATTERN,)),
+    ):
+        folder = cache_folder(name)
+        files = [path for pattern in patterns for path in sorted(folder.glob(pattern)) if path.is_file()]
+        megabytes = sum(file.stat().st_size for file in files) / 1e6
+        if arguments.clear:
+            for file in files:
+                file.unlink(missing_ok=True)
+        done = ", deleted" if arguments.clear and files else ""
+        print(f"{title}: {len(files)} files, {megabytes:.1f} MB in {folder}{done}")

@@ -1,12 +1,13 @@
-"""`data inspect`."""
+"""`data inspect` and `data cache`."""
 
 import numpy as np
 import pytest
 
 from bag_maker import ROS1, START_NS, Drive, odometry
-from jerkbench.datasets.rosbag import RosBag
+from jerkbench.datasets.rosbag import Fixposition, RosBag
 from jerkbench.errors import RecordingError
 from jerkbench.inspection.facts import facts_text
+from jerkbench.io import bag
 from jerkbench.recording import Imu, Recording, Reference, Velocity
 
 

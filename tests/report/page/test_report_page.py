@@ -16,7 +16,6 @@ from jerkbench.report.page import page
 from jerkbench.report.page_content import settings
 from jerkbench.report.plots.studies import Picture
 from jerkbench.report.review import TUNED, review
-from stored_cells import keys_of
 
 SWEEP = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,multipath_single_axis", "seeds=2"]
 
