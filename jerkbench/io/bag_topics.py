@@ -193,7 +193,7 @@ def is_ecef(position_m: FloatArray) -> bool:
     return bool(EARTH_RADIUS_M[0] < radius_m < EARTH_RADIUS_M[1])
 
 
-TRUTH = re.compile(r"(?:^|[/_])(?:gt|truth|ground_?truth)(?:[/_]|$)")
+_TRUTH = re.compile(r"(?:^|[/_])(?:gt|truth|ground_?truth)(?:[/_]|$)")
 """Names of topics with a reference. Such a topic is guessed as a measurement only if there is no other topic."""
 
 
@@ -220,7 +220,7 @@ def guessed_topics(bag: Bag, named: Mapping[Role, str]) -> tuple[dict[Role, str]
             notes.append(why)
         if name not in ("", NONE):
             topics[role] = name
-    truths = [topic.name for topic in bag.topics if TRUTH.search(topic.name) and topic.msgtype in _FIELDS["reference"]]
+    truths = [topic.name for topic in bag.topics if _TRUTH.search(topic.name) and topic.msgtype in _FIELDS["reference"]]
     if truths and "reference" not in topics:
         notes.append(f"The name of {truths[0]} suggests a reference; if it is one, set reference_topic={truths[0]}.")
     if notes and any(topic.name.endswith(OF_FIXPOSITION) for topic in bag.topics):
@@ -268,7 +268,7 @@ def _velocity(bag: Bag, reference: str) -> tuple[str, str]:
 
 def _by_count(bag: Bag, msgtype: str, reference: str) -> list[Topic]:
     topics = [topic for topic in bag.topics if topic.msgtype == msgtype and topic.count and topic.name != reference]
-    return sorted(topics, key=lambda topic: (bool(TRUTH.search(topic.name)), -topic.count))
+    return sorted(topics, key=lambda topic: (bool(_TRUTH.search(topic.name)), -topic.count))
 
 
 def _guessed_topic(quantity: str, topic: Topic, why: str, candidates: list[Topic]) -> tuple[str, str]:
