@@ -66,18 +66,6 @@ def smoothed_by_filterpy(timeline, model, fade=1.0):
     return xs[at, :, 0], Ps[at]
 
 
-@pytest.mark.parametrize("name", MODELS)
-def test_it_agrees_with_filterpy_over_a_complete_run(name):
-    recording = noisy_recording(duration_s=6.0, imu_rate_hz=50)  # u = 0, because filterpy's smoother has no input
-    attitude, smoother = level_attitude(recording), smoother_of(name)
-    xs, Ps = smoothed_by_filterpy(build_timeline(recording, attitude), smoother.kinematic_filter())
-
-    estimate = smoother.estimate(recording, attitude, NoAdaptation())
-    np.testing.assert_allclose(estimate.position_m, xs[:, :3], atol=1e-8)
-    np.testing.assert_allclose(estimate.velocity_mps, xs[:, 3:6], atol=1e-8)
-    np.testing.assert_allclose(estimate.covariance, Ps[:, :6, :6], rtol=1e-5, atol=1e-11)
-
-
 def batch_solution(timeline, model):
     """Mean and covariance of the states of all steps, given all measurements."""
     x, P = start(timeline, model)

@@ -105,19 +105,6 @@ def drive(seed):
     return GnssOutage(windows_s=((18.0, 28.0),)).apply(recording, seed)
 
 
-def test_an_outage_is_bridged_from_both_ends():
-    recording = drive(2)
-    attitude = Tilt().estimate(recording)
-    inside = (recording.reference.t_s > 18.0) & (recording.reference.t_s < 28.0)
-    largest = []
-    for model in (Eskf15(), Eskf15Smoother()):
-        estimate = model.estimate(recording, attitude, Mtf())
-        error = np.linalg.norm(estimate.position_m - recording.reference.enu_m[estimate.index], axis=1)
-        largest.append(error[inside[estimate.index]].max())
-
-    assert largest[1] < 0.2 * largest[0]
-
-
 def test_its_last_estimate_is_the_filters_and_the_point_given_out_may_lie_elsewhere():
     recording = drive(1)
     attitude = Tilt().estimate(recording)
@@ -128,22 +115,6 @@ def test_its_last_estimate_is_the_filters_and_the_point_given_out_may_lie_elsewh
     np.testing.assert_allclose(smoothed.position_m[-1], filtered.position_m[-1], atol=1e-12)
     np.testing.assert_allclose(smoothed.covariance[-1], filtered.covariance[-1], atol=1e-15)
     assert np.linalg.eigvalsh(filtered.covariance[20:-20] - smoothed.covariance[20:-20]).min() > -1e-9
-
-
-def test_its_errors_are_as_large_as_it_says():
-    nees = []
-    for seed in range(12):
-        recording = FieldWhite(duration_s=16.0, reference_rate_hz=5.0).load(seed)
-        estimate = Eskf15Smoother().estimate(recording, Tilt().estimate(recording), NoAdaptation())
-        k = 40  # eight seconds in
-        truth = recording.reference
-        at = estimate.index[k]
-        e = np.concatenate(
-            [estimate.position_m[k] - truth.enu_m[at], estimate.velocity_mps[k] - truth.velocity_mps[at]]
-        )
-        nees.append(e @ np.linalg.solve(estimate.covariance[k], e))
-
-    assert 0.5 * 6.0 < np.mean(nees) < 1.5 * 6.0  # the 95 % band of 12 drives is 4.2 to 8.1
 
 
 def test_a_lost_forward_pass_ends_where_it_was_lost():
