@@ -52,13 +52,6 @@ def test_with_an_extreme_parameter_it_equals_none(name, wide):
         np.testing.assert_allclose(adapted, R, rtol=1e-6, atol=1e-7 * np.max(np.diag(R)))
 
 
-@pytest.mark.parametrize("name", ["scalar_r", "huber_r", "federated", "mtf_block", "mtf_nis", "chi2", "fuzzy"])
-def test_a_small_innovation_changes_nothing(name):
-    updates = [(0.1 * y / np.abs(y).max() * np.sqrt(np.diag(R).min()), H, R, rows) for y, H, R, rows in sequence(4)]
-    for (_, _, R, _), adapted in zip(updates, run(make(name), updates), strict=True):
-        np.testing.assert_array_equal(adapted, R)
-
-
 def test_variational_bayes_uses_the_reported_variance_only_at_the_start():
     updates = [scalar_update(1.0, r=r) for r in (1.0, 1.0, 1.0)]
     others = [scalar_update(1.0, r=r) for r in (1.0, 50.0, 0.02)]
@@ -82,12 +75,12 @@ def test_the_similarity_weight_is_exact_for_any_prior(h):
 WRONG = {
     "scalar_q": [{"limit": 0.5}],
     "iae": [{"window": 0}, {"low": 0.0}],
-    "mtf": [{"after": -1}, {"window": 0}, {"guard": -1}],
-    "mtf_block": [{"window": 0}, {"guard": -1}],
-    "mtf_nis": [{"guard": -1}, {"probability": 1.0}],
+    "mtf": [{"window": 0}],
+    "mtf_block": [{"window": 0}],
+    "mtf_nis": [{"probability": 1.0}],
     "federated": [{"beta": 1.0}],
     "fuzzy": [{"smoothing": 1.0}, {"large": 0.0}],
-    "chi2": [{"probability": 0.0}, {"longest": -1}],
+    "chi2": [{"probability": 0.0}],
     "huber_r": [{"threshold": 0.0}],
     "student_t_r": [{"nu": 0.0}],
     "variational_bayes": [{"forgetting": 1.0}, {"passes": 0}],
@@ -96,9 +89,9 @@ WRONG = {
     "cerkf_r": [{"eta": 1.5}, {"pair_bandwidth": 0.0}, {"passes": 0}],
     "adaptive_q": [{"low": 2.0, "high": 1.0}, {"window": 0}],
     "sage_husa": [{"forgetting": 1.0}, {"low": 2.0, "high": 1.0}],
-    "huber": [{"threshold": 0.0}, {"sides": "prior"}],
+    "huber": [{"threshold": 0.0}],
     "maximum_correntropy": [{"bandwidth": 0.0}],
-    "ssmkf": [{"function": "cosh"}, {"sigma": 0.0}],
+    "ssmkf": [{"sigma": 0.0}],
     "student_t": [{"tau": 0.0}, {"passes": 1001}],
     "vbakf_pr": [{"forgetting": 0.0}, {"tau": 0.0}, {"passes": 0}],
     "sif": [{"width": 0.0}],

@@ -79,8 +79,6 @@ def test_the_spline_passes_its_waypoints_at_its_speed_and_points_along_its_way()
     steady = (reference.t_s > 6.1) & (reference.t_s < reference.t_s[-1] - 3.2)
     np.testing.assert_allclose(speed[steady], 1.5, rtol=1e-4)
     np.testing.assert_allclose(np.diff(reference.enu_m, axis=0)[1000] / 0.01, reference.velocity_mps[1000], atol=0.01)
-    points = ((0.0, 0.0, 0.0), (20.0, 5.0, 1.0), (30.0, 30.0, -1.0))
-    reference = DrivenPath(**SMOOTH, waypoints_m=points).load(0).reference
     moving = np.linalg.norm(reference.velocity_mps, axis=1) > 0.1
     v = reference.velocity_mps[moving]
     forward = dcm_from_euler(reference.euler_rad[moving])[:, :, 0]

@@ -129,33 +129,23 @@ WRONG = {
     "coloured": [{"position_share": 1.0}, {"velocity_time_s": 0.0}],
     "decimate_position": [{"every": 0}, {"every": 3, "phase": 3}, {"every": 3, "phase": -1}],
     "dropout": [{"probability": 1.1}, {"longest": 0}],
-    "false_fix": [{"offset_m": -1.0}, {"windows_s": ((1.0, 5.0), (4.0, 8.0))}],
+    "false_fix": [{"windows_s": ((1.0, 5.0), (4.0, 8.0))}],
     "gnss_outage": [
         *({"windows_s": (one,)} for one in ((50.0, 40.0), (5.0, 5.0), (1.0, NAN), (1.0, 2.0, 3.0))),
-        *({"count": 2, "length_s": 50.0}, {"count": 1, "length_s": 0.0}, {"count": -1}),
+        *({"count": 2, "length_s": 50.0}, {"count": 1, "length_s": 0.0}),
     ],
     "heavy_tailed": [{"probability": -0.1}, {"factor": 0.5}],
-    "imu_bias": [{"gyro_radps": -1.0}],
-    "imu_vibration": [{"accel_mps2": -1.0}, {"gyro_radps": NAN}, {"lowest_hz": 40.0}],
-    "jitter": [{"imu_s": -0.1}, {"measurement_s": float("inf")}],
-    "latency": [{"position_s": -0.1}],
+    "imu_vibration": [{"lowest_hz": 40.0}],
+    "jitter": [{"measurement_s": float("inf")}],
     "lever_arm": [{"up_m": NAN}],
-    "multipath_single_axis": [
-        *({"bursts": -1}, {"shortest_s": 7.0}, {"shortest_s": 0.0}, {"smallest_m": 3.0}, {"smallest_m": -1.0}),
-        *({"size_m": -1.0}, {"length_s": 0.0}),
-    ],
+    "multipath_single_axis": [{"shortest_s": 7.0}, {"shortest_s": 0.0}, {"smallest_m": 3.0}, {"length_s": 0.0}],
     "noise_sine": [{"largest": 0.9}, {"period_s": 0.0}],
     "noise_step": [{"factor": 0.5}, {"times_s": (NAN,)}],
-    "outage_sweep": [
-        *({"length_s": 60.0}, {"length_s": 0.0}, {"phases": 0}, {"phase": 6}, {"phase": -1}, {"every_s": 5.0})
-    ],
+    "outage_sweep": [{"length_s": 60.0}, {"length_s": 0.0}, {"phases": 0}, {"phase": 6}, {"every_s": 5.0}],
     "outliers": [{"probability": 2.0}, {"smallest_m": 30.0}, {"size_m": float("inf")}],
-    "rtk_float": [
-        *({"factor": -1.0}, {"windows_s": ((5.0, 4.0),)}, {"time_s": 0.0}),
-        *({"sigma_m": (1.0, 1.0)}, {"sigma_m": (1.0, 1.0, -1.0)}),
-    ],
+    "rtk_float": [{"windows_s": ((5.0, 4.0),)}, {"time_s": 0.0}, {"sigma_m": (1.0, 1.0)}, {"sigma_m": (1, 1, -1)}],
     "stated_covariance": [{"position_factor": 0.0}],
-    "wheel_slip": [{"count": -1}, {"windows_s": ((4.0, 2.0),)}, {"slip": NAN}],
+    "wheel_slip": [{"windows_s": ((4.0, 2.0),)}, {"slip": NAN}],
     "withhold": [{"every": 1}, {"every": 3, "phase": 3}],
 }
 

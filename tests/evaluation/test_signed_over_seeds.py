@@ -51,19 +51,12 @@ def test_it_moves_and_stretches_with_the_values(n):
         assert (there.low, there.high) == pytest.approx((3.0 * here.low + 0.7, 3.0 * here.high + 0.7), rel=1e-9)
 
 
-@pytest.mark.parametrize("n", [10, 20])
-@pytest.mark.parametrize("sigma", [0.01, 0.2])
+@pytest.mark.parametrize(("n", "sigma"), [(10, 0.2), (20, 0.01)])
 def test_it_holds_the_true_mean_95_times_in_100(n, sigma):
     """RMSEs over seeds scatter like a lognormal; 2000 trials: a standard error of 0.5 %."""
     samples = np.random.default_rng(6).lognormal(0.0, sigma, size=(2000, n))
     _, low, high = mean_intervals(Samples.of(list(samples)))
     assert 0.93 <= np.mean((low <= math.exp(sigma**2 / 2)) & (math.exp(sigma**2 / 2) <= high)) <= 0.97
-
-
-def test_of_five_values_it_is_nearly_as_good():
-    samples = np.random.default_rng(7).normal(3.0, 1.0, size=(2000, 5))
-    _, low, high = mean_intervals(Samples.of(list(samples)))
-    assert 0.91 <= np.mean((low <= 3.0) & (high >= 3.0)) <= 0.97
 
 
 @pytest.mark.parametrize(
