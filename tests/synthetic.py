@@ -1,5 +1,7 @@
 """Recordings made by hand: a body at rest or at constant velocity, without any noise unless a test adds it."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from jerkbench.estimate import Attitude
@@ -29,3 +31,11 @@ def level_attitude(recording, accel_enu_mps2=(0.0, 0.0, 0.0)):
     n = len(recording.imu.t_s)
     u = np.broadcast_to(np.asarray(accel_enu_mps2, dtype=float), (n, 3))
     return Attitude(recording.imu.t_s, np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3)), u, np.zeros(n, dtype=bool))
+
+
+def with_fix_noise(recording, seed=1, position_sigma_m=0.01, velocity_sigma_mps=0.03):
+    """The recording with white noise of positions and velocities, by default as its covariances state."""
+    rng, position, velocity = np.random.default_rng(seed), recording.position, recording.velocity
+    enu_m = position.enu_m + rng.normal(0.0, position_sigma_m, position.enu_m.shape)
+    mps = velocity.mps + rng.normal(0.0, velocity_sigma_mps, velocity.mps.shape)
+    return replace(recording, position=replace(position, enu_m=enu_m), velocity=replace(velocity, mps=mps))

@@ -105,12 +105,6 @@ def test_without_noise_every_sensor_says_the_truth():
     np.testing.assert_allclose(recording.heading.yaw_rad, recording.reference.euler_rad[19::20, 2], atol=1e-12)
 
 
-def test_a_seed_is_one_recording():
-    short = FieldWhite(duration_s=20.0)
-    assert changed(short.load(5), short.load(5)) == set()
-    assert changed(short.load(5), short.load(6)) == {*sensors(short.load(5))}
-
-
 @pytest.mark.parametrize(
     ("switch", "moves"),
     [

@@ -10,19 +10,12 @@ from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
 from jerkbench.filters.kinematic import Baseline, Jerk
 from jerkbench.timeline import build_timeline
-from synthetic import level_attitude, recording_at_rest
+from synthetic import level_attitude, recording_at_rest, with_fix_noise
 
 
 def run(model, recording, accel=(0.0, 0.0, 0.0), adaptation=None, engine=None):
     timeline = build_timeline(recording, level_attitude(recording, accel))
     return (engine or FilterpyEngine()).run(timeline, model, adaptation or NoAdaptation())
-
-
-def noisy(recording, seed=1):
-    """The recording with position noise of its own covariance."""
-    rng = np.random.default_rng(seed)
-    position = recording.position
-    return replace(recording, position=replace(position, enu_m=rng.normal(0.0, 0.01, position.enu_m.shape)))
 
 
 @pytest.mark.parametrize(
@@ -63,14 +56,9 @@ def test_the_oracle_gets_the_true_covariance_and_the_reported_one_stays_for_the_
 
 
 def test_nis_is_that_of_a_chi_square_with_as_many_degrees_as_rows():
-    rng = np.random.default_rng(3)
     rest = recording_at_rest(duration_s=400.0, imu_rate_hz=10)
-    n = len(rest.position.t_s)
-    recording = replace(
-        rest,
-        position=replace(rest.position, enu_m=rng.normal(0.0, 0.01, (n, 3))),
-        velocity=replace(rest.velocity, mps=rng.normal(0.0, 0.03, (n, 3))),
-    )
+    rng, n = np.random.default_rng(3), len(rest.position.t_s)
+    recording = with_fix_noise(rest)
     u = rng.normal(0.0, 0.2, (len(rest.imu.t_s), 3))  # the body rests: all of u is error
     updates = run(Baseline(0.2), recording, accel=u).updates
 
@@ -79,7 +67,7 @@ def test_nis_is_that_of_a_chi_square_with_as_many_degrees_as_rows():
 
 
 def test_the_paper_form_of_the_covariance_is_close_but_not_the_same():
-    recording = noisy(recording_at_rest(duration_s=20.0))
+    recording = with_fix_noise(recording_at_rest(duration_s=20.0))
     joseph = run(Jerk(), recording)
     paper = run(Jerk(), recording, engine=FilterpyEngine("paper"))
 

@@ -14,7 +14,7 @@ from jerkbench.estimate import Updates
 from jerkbench.evaluation.metrics.consistency import Consistency, InnovationLikelihood
 from jerkbench.filters.kinematic import ConstantVelocity
 from jerkbench.timeline import build_timeline
-from synthetic import level_attitude, recording_at_rest
+from synthetic import level_attitude, recording_at_rest, with_fix_noise
 
 BURN_IN_S = 5.0
 
@@ -84,14 +84,12 @@ ENGINES = [CompiledEngine(), FilterpyEngine()]
 
 
 def noisy(missing=False):
-    recording = recording_at_rest(duration_s=2.0)
-    p, v, rng = recording.position, recording.velocity, np.random.default_rng(2)
-    z_p = p.enu_m + 0.01 * rng.standard_normal(p.enu_m.shape)
-    z_v = v.mps + 0.03 * rng.standard_normal(v.mps.shape)
+    recording = with_fix_noise(recording_at_rest(duration_s=2.0))
+    z_p, z_v = recording.position.enu_m.copy(), recording.velocity.mps.copy()
     if missing:
         z_v[3:5], z_p[6] = np.nan, np.nan
-    position, velocity = dataclasses.replace(p, enu_m=z_p), dataclasses.replace(v, mps=z_v)
-    return dataclasses.replace(recording, position=position, velocity=velocity)
+    position = dataclasses.replace(recording.position, enu_m=z_p)
+    return dataclasses.replace(recording, position=position, velocity=dataclasses.replace(recording.velocity, mps=z_v))
 
 
 def naive_loss(timeline, model):

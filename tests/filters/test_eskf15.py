@@ -311,9 +311,7 @@ def test_it_reports_a_divergence(noisy_field):
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"yaw_source": "trak"}, "Did you mean 'track'"),
         ({"position_sigma_m": 0.0}, "position_sigma_m is 0.0; it must be positive"),
-        ({"gyro_instability_deg_per_h": -1.0}, "it must be 0 .constant. or more"),
         ({"antenna_m": (1.0, 2.0)}, "give three numbers: forward, left, up"),
     ],
 )

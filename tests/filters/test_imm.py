@@ -13,19 +13,12 @@ from jerkbench.errors import PluginError
 from jerkbench.filters.imm import InteractingMultipleModels
 from jerkbench.filters.kinematic import Baseline, Jerk
 from jerkbench.timeline import build_timeline
-from synthetic import level_attitude, recording_at_rest
+from synthetic import level_attitude, recording_at_rest, with_fix_noise
 
 
 def noisy_recording(seed=1, **options):
     """A body at rest, with measurement noise as reported and with a varying input."""
-    recording = recording_at_rest(**options)
-    rng = np.random.default_rng(seed)
-    n = len(recording.position.t_s)
-    recording = replace(
-        recording,
-        position=replace(recording.position, enu_m=rng.normal(0.0, 0.01, (n, 3))),
-        velocity=replace(recording.velocity, mps=rng.normal(0.0, 0.03, (n, 3))),
-    )
+    recording, rng = with_fix_noise(recording_at_rest(**options), seed), np.random.default_rng(seed + 1)
     t = recording.imu.t_s
     u = np.column_stack([0.3 * np.sin(t), np.where(t > t[-1] / 2, 2.0, 0.0), 0.05 * rng.normal(size=len(t))])
     return recording, level_attitude(recording, u)

@@ -50,6 +50,7 @@ EQUATIONS = {
         [0, 0, 0],
         2.0**2 * h * np.outer([h * h / 2, h, 1], [h * h / 2, h, 1]),
     ),
+    "constant_velocity": lambda h: ([[1, h], [0, 1]], [0, 0], [[h**3 / 3, h * h / 2], [h * h / 2, h]]),
 }
 
 

@@ -15,7 +15,7 @@ from jerkbench.estimate import no_attitude
 from jerkbench.filters.rts import RauchTungStriebel, SmoothedFixes
 from jerkbench.recording import Position, Recording, Reference
 from jerkbench.timeline import build_timeline
-from synthetic import level_attitude, recording_at_rest
+from synthetic import level_attitude, recording_at_rest, with_fix_noise
 
 MODELS = ("baseline", "bias", "jerk", "constant_velocity", "acceleration")
 
@@ -24,15 +24,8 @@ def smoother_of(model):
     return (SmoothedFixes if model in ("constant_velocity", "acceleration") else RauchTungStriebel)(model)
 
 
-def noisy_recording(seed=1, **options):
-    recording = recording_at_rest(**options)
-    rng = np.random.default_rng(seed)
-    n = len(recording.position.t_s)
-    return replace(
-        recording,
-        position=replace(recording.position, enu_m=rng.normal(0.0, 0.01, (n, 3))),
-        velocity=replace(recording.velocity, mps=rng.normal(0.0, 0.03, (n, 3))),
-    )
+def noisy_recording(**options):
+    return with_fix_noise(recording_at_rest(**options))
 
 
 def model_matrices(model, dt, dt0):

@@ -16,17 +16,13 @@ from jerkbench.disturbances.outages import GnssOutage
 from jerkbench.filters.eskf15 import Eskf15, Eskf15Smoother
 from jerkbench.inertial.mechanisation import FLAT, process_noise
 from jerkbench.inertial.smoother import ForwardRun, smooth_backward
-from synthetic import level_attitude, recording_at_rest
+from synthetic import level_attitude, recording_at_rest, with_fix_noise
 
 
 def noisy_rest(seed=1):
-    rest = recording_at_rest(duration_s=3.0, imu_rate_hz=20, static_start_s=2.0)
-    rng = np.random.default_rng(seed)
-    n = len(rest.position.t_s)
-    fixes = replace(rest.position, enu_m=rng.normal(0.0, 0.01, (n, 3)))
-    accel = rest.imu.accel_mps2 + rng.normal(0.0, 0.002, (len(rest.imu.t_s), 3))
-    velocity = replace(rest.velocity, mps=rng.normal(0.0, 0.03, rest.velocity.mps.shape))
-    return replace(rest, position=fixes, velocity=velocity, imu=replace(rest.imu, accel_mps2=accel))
+    rest = with_fix_noise(recording_at_rest(duration_s=3.0, imu_rate_hz=20, static_start_s=2.0), seed)
+    noise = np.random.default_rng(seed + 1).normal(0.0, 0.002, (len(rest.imu.t_s), 3))
+    return replace(rest, imu=replace(rest.imu, accel_mps2=rest.imu.accel_mps2 + noise))
 
 
 SMALL = {
