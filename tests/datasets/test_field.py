@@ -13,6 +13,7 @@ from jerkbench.geometry import dcm_from_euler
 from jerkbench.jobs.names import choose
 from jerkbench.jobs.study import load_study
 from jerkbench.plugins import create
+from synthetic import integrated
 
 
 @pytest.fixture(scope="module")
@@ -42,14 +43,9 @@ def changed(one, other):
 @pytest.mark.parametrize("name", ["field", "field_white", "field_ruts", "field_vibration", "field_headland"])
 def test_integrating_the_imu_returns_the_true_velocity_and_position(name):
     recording = create("dataset", {"name": name, "noise": False, "false_forces": False, "accel_range_g": None}).load(2)
-    reference = recording.reference
-    dcm, v, p = dcm_from_euler(reference.euler_rad), reference.velocity_mps[0], reference.enu_m[0]
-    for k in range(1, len(reference.t_s)):
-        u = 0.5 * (dcm[k - 1] + dcm[k]) @ recording.imu.accel_mps2[k] - [0.0, 0.0, 9.81]
-        p = p + 0.01 * v + 0.5 * 0.01**2 * u
-        v = v + 0.01 * u
-    np.testing.assert_allclose(v, reference.velocity_mps[-1], rtol=0, atol=1e-3)
-    np.testing.assert_allclose(p, reference.enu_m[-1], rtol=0, atol=1e-3)
+    p, v = integrated(recording)
+    np.testing.assert_allclose(v, recording.reference.velocity_mps[-1], rtol=0, atol=1e-3)
+    np.testing.assert_allclose(p, recording.reference.enu_m[-1], rtol=0, atol=1e-3)
 
 
 def test_stamps_coincide_exactly_and_a_thinned_reference_keeps_its_rows(drive):

@@ -18,7 +18,7 @@ from jerkbench.inertial.compiled_runs import solve_compiled
 from jerkbench.presets import preset
 from jerkbench.recording import Heading, Imu, Reference, Velocity
 from jerkbench.simulation.imu import ALLAN_FLOOR, BIAS_TIME_S, GRADES, with_sensor_errors
-from synthetic import level_attitude, recording_at_rest
+from synthetic import body_velocity, level_attitude, recording_at_rest
 
 TACTICAL, CONSUMER = (
     replace(GRADES[name], gyro_scale_ppm=0.0, accel_scale_ppm=0.0, misalignment_mrad=0.0)
@@ -116,12 +116,7 @@ def test_a_perfect_recording_gives_the_truth_also_with_body_velocities(field):
 
 
 def shown_in_body(recording):
-    turn = Rotation.from_euler("ZYX", recording.reference.euler_rad[:, ::-1])
-    velocity = recording.velocity
-    rows = np.searchsorted(recording.reference.t_s, velocity.t_s - 1e-6)
-    return replace(
-        recording, velocity=replace(velocity, frame="body", mps=turn[rows].inv().apply(np.array(velocity.mps)))
-    )
+    return replace(recording, velocity=replace(recording.velocity, frame="body", mps=body_velocity(recording)))
 
 
 def with_wheel(recording, scale):

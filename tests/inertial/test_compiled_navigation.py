@@ -14,10 +14,10 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.filters.common import adaptations_of_r
 from jerkbench.filters.eskf15 import Eskf15, InvariantEkf
-from jerkbench.geometry import dcm_from_euler
 from jerkbench.inertial.compiled_runs import solve_compiled
 from jerkbench.inertial.run import InertialRun
-from jerkbench.recording import Heading, Velocity
+from jerkbench.recording import Velocity
+from synthetic import body_velocity, with_true_headings
 
 BURN_IN_S = 2.0
 
@@ -47,18 +47,12 @@ CASES = {
 def recorded(kind):
     """A drive of the simulated robot with one way to measure velocity or heading."""
     recording = FieldWhite(duration_s=10.0).load(3)
-    truth = recording.reference
     if kind == "heading":
-        t_s = recording.position.t_s[20::3] + 0.0037
-        yaw = np.interp(t_s, truth.t_s, np.unwrap(truth.euler_rad[:, 2]))
-        heading = Heading(t_s, np.mod(yaw + np.pi, 2 * np.pi) - np.pi, np.full(len(t_s), 0.02))
-        recording = replace(recording, heading=heading)
-    rows = np.searchsorted(truth.t_s, recording.velocity.t_s - 1e-6)
-    in_body = np.einsum("nji,nj->ni", dcm_from_euler(truth.euler_rad[rows]), recording.velocity.mps)
-    if kind == "body":
-        recording = replace(recording, velocity=replace(recording.velocity, frame="body", mps=in_body))
+        recording = with_true_headings(recording)
+    elif kind == "body":
+        recording = replace(recording, velocity=replace(recording.velocity, frame="body", mps=body_velocity(recording)))
     elif kind == "speed":
-        speed = Velocity.along_course(recording.velocity.t_s, 1.03 * in_body[:, 0], 0.03)
+        speed = Velocity.along_course(recording.velocity.t_s, 1.03 * body_velocity(recording)[:, 0], 0.03)
         recording = replace(recording, velocity=speed)
     return recording, Tilt().estimate(recording)
 
