@@ -20,6 +20,9 @@ import numpy as np
 
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.evaluation.counted_rows import counted_rows
+from jerkbench.evaluation.evaluated_run import prepare_reference, sums_from, sums_of
+from jerkbench.timeline import RecordedRun, build_timeline
 
 LIMITS = np.array([1e-9, 1e-9, 1e-12])
 """Of position [m], velocity [m/s] and the scaled covariance [-]."""
@@ -182,3 +185,17 @@ def assert_same_sums(got, wanted):
         scale = np.abs(wanted.sampled_m2).max(initial=0.0) if name == "sampled_m2" else 0.0
         values = getattr(got, name), getattr(wanted, name)
         np.testing.assert_allclose(*values, rtol=1e-8, atol=1e-12 * scale, err_msg=name)
+
+
+def assert_batch_agrees(models, recording, attitude, adaptation, burn_in_s=2.0):
+    """Compare the sums and the updates of a batch with those of the trajectories of `estimate`."""
+    timeline = build_timeline(recording, attitude)
+    scene = prepare_reference(recording, timeline, burn_in_s)
+    runs = [RecordedRun(recording, attitude, timeline, scene.scoring)] * len(models)
+    rules = [adaptation] * len(models)
+    results = models[0].run_settings(runs, models, rules, updates=True, attitude=True, threads=2)
+    for model, result in zip(models, results, strict=True):
+        estimate = model.estimate(recording, attitude, adaptation)
+        wanted = sums_of(estimate, recording, counted_rows(estimate, recording, burn_in_s))
+        assert_same_sums(sums_from(result, scene, recording), wanted)
+        np.testing.assert_allclose(result.updates.nis_used, estimate.updates.nis_used, rtol=1e-7)

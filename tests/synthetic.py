@@ -1,9 +1,12 @@
 """Recordings made by hand: a body at rest or at constant velocity, without any noise unless a test adds it."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from jerkbench.estimate import Attitude
-from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
+from jerkbench.geometry import dcm_from_euler
+from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
 
 
 def recording_at_rest(
@@ -29,3 +32,36 @@ def level_attitude(recording, accel_enu_mps2=(0.0, 0.0, 0.0)):
     n = len(recording.imu.t_s)
     u = np.broadcast_to(np.asarray(accel_enu_mps2, dtype=float), (n, 3))
     return Attitude(recording.imu.t_s, np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3)), u, np.zeros(n, dtype=bool))
+
+
+def with_fix_noise(recording, seed=1, position_sigma_m=0.01, velocity_sigma_mps=0.03):
+    """The recording with white noise of positions and velocities, by default as its covariances state."""
+    rng, position, velocity = np.random.default_rng(seed), recording.position, recording.velocity
+    enu_m = position.enu_m + rng.normal(0.0, position_sigma_m, position.enu_m.shape)
+    mps = velocity.mps + rng.normal(0.0, velocity_sigma_mps, velocity.mps.shape)
+    return replace(recording, position=replace(position, enu_m=enu_m), velocity=replace(velocity, mps=mps))
+
+
+def integrated(recording):
+    """Position and velocity at the end, from the IMU at 100 Hz and the true attitude, with the midpoint rule."""
+    reference = recording.reference
+    dcm, v, p = dcm_from_euler(reference.euler_rad), reference.velocity_mps[0], reference.enu_m[0]
+    for k in range(1, len(reference.t_s)):
+        u = 0.5 * (dcm[k - 1] + dcm[k]) @ recording.imu.accel_mps2[k] - [0.0, 0.0, 9.81]
+        p, v = p + 0.01 * v + 0.5 * 0.01**2 * u, v + 0.01 * u
+    return p, v
+
+
+def body_velocity(recording):
+    """The velocities (n, 3) of a recording in the frame of the body, with the true attitude."""
+    truth = recording.reference
+    rows = np.searchsorted(truth.t_s, recording.velocity.t_s - 1e-6)
+    return np.einsum("nji,nj->ni", dcm_from_euler(truth.euler_rad[rows]), recording.velocity.mps)
+
+
+def with_true_headings(recording):
+    """The recording with some headings between the fixes, interpolated from the true yaw."""
+    truth, t_s = recording.reference, recording.position.t_s[20::3] + 0.0037
+    yaw = np.interp(t_s, truth.t_s, np.unwrap(truth.euler_rad[:, 2]))
+    heading = Heading(t_s, np.mod(yaw + np.pi, 2 * np.pi) - np.pi, np.full(len(t_s), 0.02))
+    return replace(recording, heading=heading)

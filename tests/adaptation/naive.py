@@ -5,6 +5,7 @@ from scipy.linalg import block_diag, sqrtm
 from scipy.stats import chi2
 
 BLOCKS = (slice(0, 3), slice(3, 6))
+FORGETTING = 1 - np.exp(-4)
 
 
 class Update:
@@ -63,12 +64,12 @@ def nis_test(u):
 
 
 class NaiveIae:
-    def __init__(self):
-        self.past = Histories()
+    def __init__(self, window=10):
+        self.window, self.past = window, Histories()
 
     def __call__(self, u):
-        w = self.past.mean(u, 10)
-        full = np.array([len(values) >= 10 for values in self.past.of]) & u.there
+        w = self.past.mean(u, self.window)
+        full = np.array([len(values) >= self.window for values in self.past.of]) & u.there
         unfilled = np.where(full, 0.0, 1.0)
         R = u.R * np.outer(unfilled, unfilled)
         return R + np.diag(np.where(full, np.maximum(w - u.h, 0.1 * u.r), 0.0))
@@ -97,8 +98,8 @@ class NaiveFuzzy:
 
 
 class NaiveChi2:
-    def __init__(self):
-        self.rejected = [0, 0]
+    def __init__(self, probability=0.99, longest=25):
+        self.probability, self.longest, self.rejected = probability, longest, [0, 0]
 
     def __call__(self, u):
         R = u.R.copy()
@@ -106,7 +107,7 @@ class NaiveChi2:
             n = u.of(block)[3]
             if n == 0:
                 continue
-            if u.nis(block) > chi2.ppf(0.99, n) and self.rejected[k] < 25:
+            if u.nis(block) > chi2.ppf(self.probability, n) and self.rejected[k] < self.longest:
                 self.rejected[k] += 1
                 dropped = np.zeros(6)
                 dropped[block] = np.inf
@@ -135,19 +136,20 @@ def naive_igg3(u):
 class NaiveRelaxingGate:
     """The memory contains the width and not the number of rejections."""
 
-    def __init__(self):
-        self.streak, self.width = np.zeros(6, int), np.full(6, 3.0)
+    def __init__(self, width=3.0, patience=5):
+        self.streak, self.width = np.zeros(6, int), np.full(6, width)
+        self.narrow, self.patience = width, patience
 
     def __call__(self, u):
         R = u.R.copy()
         for i in np.flatnonzero(u.there):
             if u.y[i] ** 2 > self.width[i] ** 2 * u.S[i, i]:
                 self.streak[i] += 1
-                if self.streak[i] > 5:
+                if self.streak[i] > self.patience:
                     self.width[i] *= 1.5
                 R[i, i] = np.inf
             else:
-                self.streak[i], self.width[i] = 0, 3.0
+                self.streak[i], self.width[i] = 0, self.narrow
         return R
 
 
@@ -158,13 +160,13 @@ def naive_student_t(u):
 class NaiveVariationalBayes:
     """H P+ H' and the residual are computed with the information form of the posterior."""
 
-    def __init__(self):
-        self.alpha, self.beta = np.zeros(6), np.zeros(6)
+    def __init__(self, forgetting=FORGETTING):
+        self.forgetting, self.alpha, self.beta = forgetting, np.zeros(6), np.zeros(6)
 
     def __call__(self, u):
         new = u.there & (self.alpha == 0)
         self.alpha[new], self.beta[new] = 3.0, 3.0 * u.r[new]
-        rows, rho = np.flatnonzero(u.there), 1 - np.exp(-4)
+        rows, rho = np.flatnonzero(u.there), self.forgetting
         alpha, prior_beta = rho * self.alpha[rows] + 0.5, rho * self.beta[rows]
         HPHt, y, beta = u.HPHt[np.ix_(rows, rows)], u.y[rows], prior_beta
         for _ in range(2):
@@ -200,9 +202,9 @@ def naive_similarity(u):
     return u.R / weight
 
 
-def naive_scalar_q(u):
+def naive_scalar_q(u, limit=1e3):
     energy, h, r = (u.y**2).sum(), u.h.sum(), u.r.sum()
-    return min((energy - r) / h, 1e3) if energy >= h + r else 1.0
+    return min((energy - r) / h, limit) if energy >= h + r else 1.0
 
 
 class NaiveAdaptiveQ:

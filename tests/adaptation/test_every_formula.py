@@ -1,6 +1,7 @@
 """Each adaptation against a second implementation, over random sequences with varying rows."""
 
 from decimal import Decimal, localcontext
+from functools import partial
 
 import naive
 import numpy as np
@@ -28,7 +29,12 @@ ADAPT = {
 }
 """Plugins whose formulas apply to a full R."""
 
-FADE = {"scalar_q": lambda: naive.naive_scalar_q, "adaptive_q": lambda: naive.NaiveAdaptiveQ(20)}
+FADE = [
+    ("scalar_q", {}, lambda: naive.naive_scalar_q),
+    ("scalar_q", {"limit": 3.0}, lambda: partial(naive.naive_scalar_q, limit=3.0)),
+    ("adaptive_q", {}, lambda: naive.NaiveAdaptiveQ(20)),
+    ("adaptive_q", {"window": 5}, lambda: naive.NaiveAdaptiveQ(5)),
+]
 
 
 def assert_agree(plugin, oracle, updates):
@@ -85,9 +91,9 @@ def test_weights_agree_with_sixty_digits_if_one_weight_is_tiny(name, eta):
 
 
 @pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("name", FADE)
-def test_the_factor_on_the_prior_agrees_with_the_second_implementation(name, seed):
-    plugin, oracle = create("adaptation", {"name": name}), FADE[name]()
+@pytest.mark.parametrize(("name", "parameters", "oracle"), FADE)
+def test_the_factor_on_the_prior_agrees_with_the_second_implementation(name, parameters, oracle, seed):
+    plugin, oracle = create("adaptation", {"name": name, **parameters}), oracle()
     memory, factors = empty_memory(plugin), []
     for update in sequence(seed, length=200):
         factors.append(plugin.fade(*update, memory))
@@ -97,12 +103,21 @@ def test_the_factor_on_the_prior_agrees_with_the_second_implementation(name, see
     assert min(factors) == 1
 
 
-@pytest.mark.parametrize("test", ["total", "block", "nis"])
-def test_windows_and_guards_of_the_three_variants(test):
-    name = {"total": "mtf", "block": "mtf_block", "nis": "mtf_nis"}[test]
-    plugin = create("adaptation", {"name": name, "window": 4, "guard": 2})
-    oracle = naive.NaiveMtf(getattr(naive, f"{test}_test"), window=4, guard=2)
-    assert_agree(plugin, oracle, sequence(11, length=300))
+OTHER_PARAMETERS = [
+    ("mtf", {"window": 4, "guard": 2}, partial(naive.NaiveMtf, naive.total_test)),
+    ("mtf_block", {"window": 4, "guard": 2}, partial(naive.NaiveMtf, naive.block_test)),
+    ("mtf_nis", {"window": 4, "guard": 2}, partial(naive.NaiveMtf, naive.nis_test)),
+    ("iae", {"window": 4}, naive.NaiveIae),
+    ("chi2", {"probability": 0.9, "longest": 2}, naive.NaiveChi2),
+    ("relaxing_gate", {"width": 2.0, "patience": 2}, naive.NaiveRelaxingGate),
+    ("variational_bayes", {"forgetting": 0.9}, naive.NaiveVariationalBayes),
+]
+
+
+@pytest.mark.parametrize(("name", "parameters", "oracle"), OTHER_PARAMETERS)
+def test_other_parameters_agree_too(name, parameters, oracle):
+    plugin = create("adaptation", {"name": name, **parameters})
+    assert_agree(plugin, oracle(**parameters), sequence(11, length=300))
 
 
 def reweighted_exactly(y, HPHt, R, eta):

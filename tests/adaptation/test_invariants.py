@@ -133,28 +133,18 @@ def first_after_s(timeline):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("engine", [FilterpyEngine(), CompiledEngine()], ids=["filterpy", "compiled"])
-def test_a_kinematic_filter_starts_at_that_time_with_both_engines(jumping, engine):
+@pytest.mark.parametrize("name", ["jerk", "imm", "rts", "constant_turn", "eskf15", "iekf", "eskf15_rts"])
+def test_a_run_starts_at_that_time_with_both_engines(jumping, name):
+    model, rule = plugins.create("filter", {"name": name}), Mtf(after_s=AFTER_S)
     for recording, attitude in jumping:
         timeline = build_timeline(recording, attitude)
-        estimate = engine.run(timeline, plugins.create("filter", {"name": "jerk"}), Mtf(after_s=AFTER_S))
-        assert start_s(estimate, timeline) == pytest.approx(first_after_s(timeline), abs=1e-6)
-    none = engine.run(timeline, plugins.create("filter", {"name": "jerk"}), Mtf())
-    assert start_s(none, timeline) < 1.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["imm", "rts", "constant_turn", "eskf15", "iekf", "eskf15_rts"])
-def test_an_estimator_starts_at_that_time_with_both_engines(jumping, name):
-    model = plugins.create("filter", {"name": name})
-    for recording, attitude in jumping:
-        timeline = build_timeline(recording, attitude)
-        ways = [model.estimate(recording, attitude, Mtf(after_s=AFTER_S))]
-        if hasattr(model, "estimate_compiled"):
-            ways.append(model.estimate_compiled(recording, attitude, Mtf(after_s=AFTER_S)))
-        for estimate in ways:
-            if estimate is not None:
-                assert start_s(estimate, timeline) == pytest.approx(first_after_s(timeline), abs=1e-6)
+        if name == "jerk":
+            estimates = [engine.run(timeline, model, rule) for engine in (FilterpyEngine(), CompiledEngine())]
+        else:
+            ways = [getattr(model, way) for way in ("estimate", "estimate_compiled") if hasattr(model, way)]
+            estimates = [way(recording, attitude, rule) for way in ways]
+        for estimate in filter(None, estimates):
+            assert start_s(estimate, timeline) == pytest.approx(first_after_s(timeline), abs=1e-6)
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from moved import G, degrees_between, pushed, recording, shaken, turning
+from moved import G, degrees_between, recording, shaken, turning
 
 from jerkbench.attitude.vqf import OfflineVqf, Vqf, vertical_of
 from jerkbench.datasets.broad import Broad
@@ -19,7 +19,7 @@ def direct(imu, step_s, offline=False, **parameters):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("trial", [1, 8, 16, 24, 30, 35])
+@pytest.mark.parametrize("trial", [1, 24])
 def test_on_broad_it_agrees_with_the_package(trial, shared_folder):
     drive = Broad(str(shared_folder / "data" / "broad"), trial).load(0)
     step_s = drive.imu.t_s[1] - drive.imu.t_s[0]
@@ -45,27 +45,6 @@ def test_parameters_are_passed_to_the_package():
 def test_a_constant_rate_is_followed(plugin):
     drive, truth = turning([0.3, -0.2, 0.5])
     assert degrees_between(plugin.verticals(drive)[0], truth).max() < 0.02
-
-
-def test_a_constant_acceleration_causes_a_tilt_with_the_time_constant():
-    """A step through a Butterworth low-pass of second order with the cut-off sqrt(2)/(2 pi tau): a closed form."""
-    tau = 3.0
-    x, _ = Vqf(tau_acc_s=tau, rest_bias=False, motion_bias=False).verticals(pushed([1.0, 0.0, 0.0], 40.0, rest_s=10.0))
-    after_s = np.arange(1, 3001) / 100.0
-    decay = np.exp(-after_s / tau)  # its poles are at (-1 +- i)/tau
-    level = 1.0 - decay * (np.cos(after_s / tau) + np.sin(after_s / tau))
-    np.testing.assert_allclose(x[1000:, 0] / x[1000:, 2], level / G, atol=2e-3)
-    np.testing.assert_allclose(x[-1, 0] / x[-1, 2], 1.0 / G, atol=1e-4)
-
-
-def test_a_constant_acceleration_has_half_its_effect_in_the_smoother_at_its_start():
-    """The same low-pass forwards and backwards has the response 1/(1 + (w/wc)^4): a step of it is a closed form."""
-    tau, off = 1.0, {"rest_bias": False, "motion_bias": False}
-    x, _ = OfflineVqf(tau_acc_s=tau, **off).verticals(pushed([1.0, 0.0, 0.0], 20.0, rest_s=10.0))
-    share = (np.arange(2000) - 999.5) / 100.0 / tau
-    away = np.exp(-np.abs(share)) * np.cos(share) / 2
-    level = np.where(share > 0, 1.0 - away, away)
-    np.testing.assert_allclose(x[:, 0] / x[:, 2], level / G, atol=1e-5)
 
 
 def test_in_a_gap_the_rate_at_its_end_is_used():

@@ -5,7 +5,7 @@ import dataclasses
 import moved
 import numpy as np
 import pytest
-from moved import G, standing
+from moved import standing
 from scipy.spatial.transform import Rotation
 
 from jerkbench import plugins
@@ -95,12 +95,6 @@ def test_accelerations_after_the_alignment_have_no_effect():
     assert not other.triggered.any()
 
 
-def test_a_bias_tilts_it_by_its_integral():
-    attitude = GyroOnly().estimate(recording(np.tile([0.002, 0.0, 0.0], (1000, 1))))
-    np.testing.assert_allclose(attitude.euler_rad[[99, 999], 0], [0.002, 0.02], atol=1e-12)
-    np.testing.assert_allclose(attitude.accel_enu_mps2[999, 1], -G * np.sin(0.02), atol=1e-3)
-
-
 def test_yaw_equals_the_yaw_of_the_tilt_filter():
     gyro = np.tile([0.0, 0.0, 0.5], (300, 1))
     heading = Heading([0.1, 1.0, 2.0], [2.0, 2.4, 3.0], [0.01, 0.01, 0.01])
@@ -108,14 +102,3 @@ def test_yaw_equals_the_yaw_of_the_tilt_filter():
     for source in ("auto", "dual_antenna", "gyro_only"):
         ours, theirs = (p(yaw_source=source).estimate(drive).euler_rad[:, 2] for p in (GyroOnly, Tilt))
         np.testing.assert_allclose(ours, theirs, atol=1e-12)
-
-
-def test_on_the_field_without_noise_it_follows_the_truth():
-    """The gyro has no error, so only the tilt error of the alignment and the random walk of the yaw remain."""
-    drive = FieldWhite(duration_s=40.0, noise=False).load(0)
-    attitude = GyroOnly().estimate(drive)
-    np.testing.assert_allclose(attitude.euler_rad[:, :2], drive.reference.euler_rad[:, :2], atol=2e-6)
-    first = drive.imu.accel_mps2[1:500]
-    assert np.abs(first).max() < 40
-    u = np.diff(drive.reference.velocity_mps, axis=0) / 0.01
-    np.testing.assert_allclose(attitude.accel_enu_mps2[1:, 2], u[:, 2], atol=1e-4)

@@ -31,7 +31,6 @@ class {name}:
 PARAMETER, BODY = "factor: float = 4.0", "return self.factor * R"
 MISTAKES = {
     "wrong_shape": ({"body": "return self.factor * np.diag(R)"}, "adapt() has shape (6,); it must be (6, 6)"),
-    "in_place": ({"body": "R *= self.factor; return R"}, "adapt() changes R in place; it must work on a copy"),
     "state_on_self": ({"body": "self.seen = 1; return R"}, "sets self.seen while it runs, but a plugin never changes"),
     "misspelt": (
         {"more": "\n    def fades(self, *update):\n        return 2.0\n"},
@@ -39,13 +38,12 @@ MISTAKES = {
     ),
     "missing_type": ({"parameter": "factor = 4.0"}, "has no type, so it is not a parameter; write factor: float = 4.0"),
     "not_found": ({"name": "Elsewhere"}, "cannot be imported: AttributeError: module 'not_found' has no attribute"),
-    "nan_result": ({"body": "return R * np.nan"}, "adapt() has NaN as a variance; infinity drops a row"),
     "raises": ({"body": "return R * (1 / 0)"}, "raises ZeroDivisionError"),
 }
 REFUSED = ("misspelt", "not_found")
 """Mistakes of a class, with which nothing at all runs; the check finds missing types in the same way."""
 
-TOLD = ("wrong_shape", "in_place", "state_on_self", "nan_result")
+TOLD = ("wrong_shape", "state_on_self")
 """Mistakes of a method, which are told before the first cell."""
 
 

@@ -72,19 +72,6 @@ def test_every_run_of_a_library_is_that_of_the_plain_loop(script, timeline, way,
         assert abs(position_m[shift] - position_m[shift - 1]).max() > 1e-3 or runs == 1
 
 
-def test_a_library_that_is_not_installed_is_named_with_what_to_type(script, timeline, monkeypatch):
-    peers = script("peers")
-    absent = [peer._replace(module="surely_not_installed") for peer in peers.PEERS[:2]]
-    monkeypatch.setattr(peers, "PEERS", absent)
-
-    lines = peers.peer_lines(timeline, None, 1.0, 1)
-
-    assert [str(line).split() for line in lines] == [
-        ["simdkalman", "not", "installed:", "pip", "install", "simdkalman"],
-        ["torch-kf", "not", "installed:", "pip", "install", "torch-kf"],
-    ]
-
-
 COUNT, SEED = 25, 20240514
 
 

@@ -42,7 +42,7 @@ def process(tmp_path):
         (tmp_path / "function.py").write_text(FUNCTION)
         path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
         environment = {**os.environ, "JERKBENCH_CACHE": str(tmp_path / "cache"), "PYTHONPATH": path}
-        words = [sys.executable, "-c", SCRIPT]
+        words = [sys.executable, "-B", "-c", SCRIPT]  # no bytecode: its time stamps have seconds
         done = subprocess.run(words, env=environment, capture_output=True, text=True, check=True, timeout=PATIENCE_S)
         result, hits = done.stdout.split()
         return float(result), int(hits), done.stderr

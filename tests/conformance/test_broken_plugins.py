@@ -13,7 +13,6 @@ from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
 from jerkbench.estimate import Streamed, Updates
 from jerkbench.evaluation.metrics.position import PositionRmse
-from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.kinematic import Jerk
 from jerkbench.jobs.job import Protocol, build
@@ -482,14 +481,6 @@ def test_the_probe_and_the_check_say_the_same(kind, plugin, sentence):
     with pytest.raises(AssertionError, match=sentence) as checked:
         testing.check_plugin(kind, plugin)
     assert complaint(kind, plugin).partition(" (")[0] == str(checked.value).partition(" (")[0]
-
-
-PASSING = [("adaptation", Plain()), ("adaptation", Mtf()), ("filter", Jerk()), ("filter", Eskf15())]
-
-
-@pytest.mark.parametrize(("kind", "plugin"), PASSING)
-def test_a_plugin_that_is_right_passes(kind, plugin):
-    assert complaint(kind, plugin) == ""
 
 
 def cell_with(adaptation):

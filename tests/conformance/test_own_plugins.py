@@ -1,6 +1,9 @@
 """Every plugin of this package passes the checks that it offers to others."""
 
 import importlib.util
+import math
+from dataclasses import fields
+from typing import get_type_hints
 
 import numpy as np
 import pandas as pd
@@ -8,6 +11,7 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.contracts import Batched
+from jerkbench.errors import PluginError
 from jerkbench.evaluation.counted_rows import counted_rows, largest_norm, position_error_m
 from jerkbench.evaluation.evaluated_run import prepare_reference, run_status, sums_from, sums_of, why_diverged
 from jerkbench.plugins.checks import AGREEMENT, AGREEMENT_M, BURN_IN_S, check_agreement
@@ -70,6 +74,29 @@ def check_batched(plugin):
         for name in ("position_m2", "velocity_m2ps2", "nees", "nis_per_row"):
             assert np.allclose(getattr(got, name), getattr(expected, name), rtol=AGREEMENT, atol=AGREEMENT_M**2), name
         assert why_diverged(result, reference, recording) == diverged
+
+
+UNLIMITED = {"beta", "slip", "forward_m", "left_m", "up_m", "first_s", "every_s", "length_s", "start_s"}
+"""Parameters that may be negative, and those of regular windows, which are checked when the windows are computed."""
+OTHERS = {"first", "second", "stream", "trace"}
+"""Names of models, whose message names the filter, and names that may be anything."""
+INFINITE = {"gyro_correlation_s", "accel_correlation_s", "track_least_m", "constraint_interval_s", "kappa"}
+"""Parameters of filters that may be infinite, apart from the limits of a standstill."""
+
+
+WRONG = {float: (-1e9, math.nan), int: (-(10**9),), str: ("no such value",)}
+
+
+@pytest.mark.parametrize(("kind", "name"), [(kind, name) for kind in KINDS for name in own(kind)])
+def test_every_parameter_has_a_limit_and_the_message_names_it(kind, name):
+    cls = plugins.get(kind, name)
+    types = get_type_hints(cls)
+    for parameter in (field.name for field in fields(cls) if field.name not in UNLIMITED | OTHERS):
+        finite = parameter not in INFINITE and not parameter.startswith("still_")
+        infinite = [math.inf] if types[parameter] is float and kind in ("filter", "attitude") and finite else []
+        for value in (*WRONG.get(types[parameter], ()), *infinite):
+            with pytest.raises(PluginError, match=rf"\b{parameter}\b"):
+                plugins.create(kind, {"name": name, parameter: value})
 
 
 @pytest.mark.parametrize("name", [name for name in own("dataset") if name.startswith("field")])

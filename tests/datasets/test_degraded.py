@@ -30,7 +30,7 @@ def degraded(shared_folder):
 
 
 def errors(recording, *, same_stamp=False):
-    """Error (n, 3), covariance and time of the fixes at which the reference is known."""
+    """Errors (n, 3) of the fixes at which the reference is known."""
     position, reference = recording.position, recording.reference
     rows = np.isfinite(reference.enu_m).all(axis=1)
     known_s, places = reference.t_s[rows], reference.enu_m[rows]
@@ -39,7 +39,7 @@ def errors(recording, *, same_stamp=False):
     if same_stamp:
         use = np.minimum(abs(known_s[after] - position.t_s), abs(known_s[after - 1] - position.t_s)) < 1e-3
     truth = np.column_stack([np.interp(position.t_s, known_s, axis) for axis in places.T])
-    return (position.enu_m - truth)[use], position.covariance_m2[use], position.t_s[use]
+    return (position.enu_m - truth)[use]
 
 
 def plane(error):
@@ -48,58 +48,19 @@ def plane(error):
     return np.sqrt(np.mean(size**2)), np.percentile(size, 95), size.max()
 
 
-def nees(error, covariance):
-    """(n,) of two axes."""
-    return np.einsum("ni,nij,nj->n", error[:, :2], np.linalg.inv(covariance[:, :2, :2]), error[:, :2])
-
-
-def autocorrelation(error, t_s, lag_s):
-    """Of east and north at a lag, over the pairs that are so far apart."""
-    late = np.minimum(np.searchsorted(t_s, t_s + lag_s - 0.02), len(t_s) - 1)
-    pairs = np.abs(t_s[late] - t_s - lag_s) < 0.05
-    centred = error[:, :2] - error[:, :2].mean(axis=0)
-    return np.mean(centred[pairs] * centred[late[pairs]], axis=0) / np.mean(centred**2, axis=0)
-
-
-def test_tokyo(degraded):
-    recording = degraded("tokyo_1105", "tokyo_1105")
-    error, covariance, t_s = errors(recording, same_stamp=True)
-    error -= np.median(error, axis=0)
-    assert len(error) == pytest.approx(8799, abs=1)
-    assert plane(error) == pytest.approx((1.4, 3.1, 20.0), rel=0.02)
-    sure = np.sqrt(covariance[:, 0, 0]) < 0.05  # what a fixed solution claims
-    assert nees(error, covariance)[sure].mean() == pytest.approx(3100, rel=0.1)
-    np.testing.assert_allclose(autocorrelation(error, t_s, 1.0), [0.65, 0.65], atol=0.06)
-    np.testing.assert_allclose(autocorrelation(error, t_s, 10.0), [0.42, 0.23], atol=0.04)
-    assert "RTK1105.csv: 21 of 8851 rows have a covariance that is not positive definite" in " ".join(recording.notes)
-    assert recording.velocity is not None
-
-
 def test_hamburg(degraded):
     recording = degraded("hamburg", "hamburg")
-    error, covariance, _ = errors(recording, same_stamp=True)
+    error = errors(recording, same_stamp=True)
     assert recording.duration_s == pytest.approx(2701, abs=1)
     assert plane(error)[:2] == pytest.approx((5.5, 12.0), rel=0.03)
     assert np.sqrt(np.mean(error[:, 2] ** 2)) == pytest.approx(9.3, rel=0.03)
-    assert nees(error, covariance).mean() == pytest.approx(1.4, rel=0.03)
-    assert np.median(nees(error, covariance)) == pytest.approx(0.16, abs=0.02)
-
-
-def test_pixel4(degraded):
-    error, _, _ = errors(degraded("pixel4", "pixel4"))
-    assert plane(error) == pytest.approx((7.2, 8.2, 240.0), rel=0.01)
-    assert np.median(np.linalg.norm(error[:, :2], axis=1)) == pytest.approx(2.8, rel=0.02)
-    assert np.median(error[:, 2]) == pytest.approx(0.0, abs=0.1)
 
 
 def test_beijing(degraded):
     recording = degraded("beijing_car", "beijing_car")
-    error, covariance, t_s = errors(recording)
+    error = errors(recording)
     assert recording.duration_s == pytest.approx(1156)
     assert plane(error) == pytest.approx((1.6, 2.7, 3.5), rel=0.02)
-    assert nees(error, covariance).mean() == pytest.approx(4.7, rel=0.01)
-    np.testing.assert_allclose(autocorrelation(error, t_s, 1.0), [1.0, 1.0], atol=0.01)
-    np.testing.assert_allclose(autocorrelation(error, t_s, 10.0), [0.97, 0.95], atol=0.05)
     rate = recording.reference.velocity_mps - recording.velocity.mps
     assert np.sqrt(np.mean(rate[:, :2] ** 2)) < 0.1  # the rows of both files belong together
 

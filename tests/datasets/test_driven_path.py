@@ -4,6 +4,7 @@ import pytest
 from jerkbench.datasets.path import DrivenPath
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
+from synthetic import integrated
 
 PERFECT = {"noise": False, "accel_range_g": None}
 SMOOTH = {**PERFECT, "vibration_mps2": 0.0, "vibration_rad": 0.0}
@@ -25,16 +26,6 @@ def table(tmp_path):
         return str(path)
 
     return write
-
-
-def integrated(recording):
-    """Velocity and position at the end from the IMU and the true attitude, by the midpoint."""
-    reference = recording.reference
-    dcm, v, p = dcm_from_euler(reference.euler_rad), reference.velocity_mps[0], reference.enu_m[0]
-    for k in range(1, len(reference.t_s)):
-        u = 0.5 * (dcm[k - 1] + dcm[k]) @ recording.imu.accel_mps2[k] - [0, 0, 9.81]
-        p, v = p + 0.01 * v + 0.5 * 0.01**2 * u, v + 0.01 * u
-    return p, v
 
 
 @pytest.mark.parametrize("source", ["waypoints", "table"])
@@ -79,8 +70,6 @@ def test_the_spline_passes_its_waypoints_at_its_speed_and_points_along_its_way()
     steady = (reference.t_s > 6.1) & (reference.t_s < reference.t_s[-1] - 3.2)
     np.testing.assert_allclose(speed[steady], 1.5, rtol=1e-4)
     np.testing.assert_allclose(np.diff(reference.enu_m, axis=0)[1000] / 0.01, reference.velocity_mps[1000], atol=0.01)
-    points = ((0.0, 0.0, 0.0), (20.0, 5.0, 1.0), (30.0, 30.0, -1.0))
-    reference = DrivenPath(**SMOOTH, waypoints_m=points).load(0).reference
     moving = np.linalg.norm(reference.velocity_mps, axis=1) > 0.1
     v = reference.velocity_mps[moving]
     forward = dcm_from_euler(reference.euler_rad[moving])[:, :, 0]

@@ -3,12 +3,10 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from jerkbench import plugins
 from jerkbench.datasets.rtklib import RtklibDrive
-from jerkbench.datasets.table import Tables
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.io.rtklib import _COLUMNS
 
@@ -248,25 +246,6 @@ def test_a_fix_that_leaps_is_dropped_and_said(tmp_path):
     )
     assert (len(recording.position.t_s), recording.origin.latitude_deg) == (16, 45.0)
     assert np.abs(recording.reference.enu_m).max() < 10
-
-
-def test_a_solution_with_any_table_of_an_imu_is_read_by_the_data_set_table(tmp_path):
-    """The sensor's y points up; the same drive as with the tag."""
-    folder = write_drive(tmp_path)
-    with_tag = RtklibDrive(folder, **PLAIN, remove_gyro_bias=False, scale_accel_to_gravity=False).load(0)
-    table = {"time": START.timestamp() - 315964800 + 1 + np.arange(701) / 100, "gx": 1.0, "gy": -3.0, "gz": 2.0}
-    table |= {"ax": 0.0, "ay": 1.0, "az": 0.0}
-    pd.DataFrame(table).to_csv(tmp_path / "imu.csv", index=False)
-    units = {"imu_time": "time", "epoch": "gps", "accel_unit": "g", "gyro_unit": "deg/s", "imu_axes": ("x", "-z", "y")}
-    recording = Tables(folder, position_file="a.pos", velocity_file="a.pos", **units).load(0)
-
-    np.testing.assert_allclose(recording.imu.t_s, with_tag.imu.t_s, atol=1e-6)
-    np.testing.assert_allclose(recording.imu.accel_mps2, with_tag.imu.accel_mps2, atol=1e-9)
-    np.testing.assert_allclose(recording.imu.gyro_radps[0], np.radians([1, -2, -3]))
-    np.testing.assert_allclose(recording.position.t_s, with_tag.position.t_s, atol=1e-6)
-    np.testing.assert_allclose(recording.position.covariance_m2, with_tag.position.covariance_m2)
-    np.testing.assert_allclose(recording.velocity.mps, with_tag.velocity.mps)
-    assert abs(recording.start_utc - with_tag.start_utc) < timedelta(microseconds=2)
 
 
 def test_without_velocities_the_fixes_tell_the_speed(tmp_path):

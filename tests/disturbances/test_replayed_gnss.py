@@ -154,7 +154,6 @@ PARTS = {"dataset": "field", "attitude": "tilt", "filter": "baseline", "adaptati
     ("values", "error"),
     [
         ({"scale": 0.0}, PluginError),
-        ({"moment_s": -1.0}, PluginError),
         ({"start_s": float("nan")}, PluginError),
         ({"trace": "tokio"}, RecordingError),
     ],

@@ -85,20 +85,9 @@ def short_timeline():
     return rough_timeline(2.5)
 
 
-def test_a_threshold_that_flips_by_rounding_is_found_where_it_is(short_timeline):
+def test_a_threshold_that_is_a_little_wrong_is_no_rounding(short_timeline):
     nis = FilterpyEngine().run(short_timeline, Jerk(), Threshold()).updates.nis
-    updates = range(3, len(nis), 4)
-
-    flips = [agree(short_timeline, Jerk(), Threshold(k, nis[k])).flip for k in updates]
-
-    assert any(flip is not None for flip in flips)
-    assert all(flip in {None, k} for k, flip in zip(updates, flips, strict=True))
-
-
-@pytest.mark.parametrize("error", [1e-9, -1e-9])
-def test_a_threshold_that_is_a_little_wrong_is_no_rounding(short_timeline, error):
-    nis = FilterpyEngine().run(short_timeline, Jerk(), Threshold()).updates.nis
-    right, wrong = Threshold(7, nis[7] * (1.0 + 0.5 * error)), Threshold(7, nis[7] * (1.0 - 0.5 * error))
+    right, wrong = (Threshold(7, nis[7] * (1.0 + error)) for error in (5e-10, -5e-10))
 
     with pytest.raises(AssertionError, match="update 7"):
         agree(short_timeline, Jerk(), right, CompiledEngine().run(short_timeline, Jerk(), wrong))
@@ -112,16 +101,6 @@ def test_an_engine_that_is_a_little_wrong_does_not_agree(timeline, adaptation):
 
     with pytest.raises(AssertionError):
         agree(timeline, *pair, CompiledEngine().run(wrong, *pair))
-
-
-@pytest.mark.parametrize("config", [{"name": "mtf", "window": 4, "guard": 2}, {"name": "mtf", "window": 2}])
-def test_parameters_reach_the_compiled_code(timeline, config):
-    adaptation = plugins.create("adaptation", config)
-    default = CompiledEngine().run(timeline, Jerk(), plugins.create("adaptation", {"name": "mtf"}))
-    run = CompiledEngine().run(timeline, Jerk(), adaptation)
-
-    agree(timeline, Jerk(), adaptation, run)
-    assert np.abs(run.position_m - default.position_m).max() > 1e-6
 
 
 @dataclass(frozen=True)
@@ -180,33 +159,6 @@ class Damped:
 def test_any_model_of_any_size(timeline):
     pair = Damped(), plugins.create("adaptation", {"name": "scalar_r"})
     agree(timeline, *pair)
-
-
-@dataclass(frozen=True)
-class Negative(NoAdaptation):
-    def adapt(self, innovation, HPHt, R, rows, memory):
-        return -R
-
-
-def test_a_run_that_diverges_stops_where_the_reference_stops(timeline):
-    run, reference = (engine.run(timeline, Jerk(), Negative()) for engine in (CompiledEngine(), FilterpyEngine()))
-
-    assert run.failure == reference.failure != ""
-    np.testing.assert_array_equal(run.index, reference.index)
-    np.testing.assert_array_equal(run.updates.t_s, reference.updates.t_s)
-
-
-@dataclass(frozen=True)
-class Raises(NoAdaptation):
-    def adapt(self, innovation, HPHt, R, rows, memory):
-        if innovation[0] != 0.0:
-            raise ValueError("that was enough")
-        return R
-
-
-def test_what_an_adaptation_raises_reaches_the_caller(timeline):
-    with pytest.raises(ValueError, match="that was enough"):
-        CompiledEngine().run(timeline, Baseline(), Raises())
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,7 @@ def process(tmp_path):
         (tmp_path / "plugin.py").write_text(PLUGIN)
         path = os.pathsep.join([str(tmp_path), str(Path(__file__).parents[1]), *sys.path])
         environment = {**os.environ, "JERKBENCH_CACHE": str(tmp_path / "cache"), "PYTHONPATH": path}
-        words = [sys.executable, "-c", SCRIPT, str(gain)]
+        words = [sys.executable, "-B", "-c", SCRIPT, str(gain)]
         done = subprocess.run(words, env=environment, capture_output=True, text=True, check=True, timeout=300)
         compiled, reference = map(float, done.stdout.split())
         assert compiled == pytest.approx(reference, rel=1e-12)

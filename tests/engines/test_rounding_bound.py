@@ -23,12 +23,6 @@ def correlations(draw):
 
 
 @given(correlations())
-def test_the_smallest_eigenvalue_is_more_than_the_determinant_through_e(C):
-    eigenvalues = np.linalg.eigvalsh(C)
-    assert eigenvalues[0] >= np.prod(eigenvalues) / np.e
-
-
-@given(correlations())
 def test_what_is_left_at_the_bound_is_more_than_the_share_that_counts_as_rounding(C):
     """Of a variance of one all but ``left`` is taken away, by the gain that is largest for its rows."""
     eigenvalues, directions = np.linalg.eigh(C)

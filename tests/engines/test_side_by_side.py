@@ -105,24 +105,8 @@ def test_a_run_does_not_depend_on_its_neighbours(several):
         np.testing.assert_array_equal(list(a.values()), list(c.values()))
 
 
-def test_fading_and_dropped_rows(several):
-    for adaptation in (Faded(), Faded(factor=1.1, every=2, weights=(3.0, 1.0, 1.0))):
-        got = side_by_side(several[:1], Jerk(), adaptation)[0]
-        assert_same(got, trajectory(*several[0], Jerk(), adaptation), {})
-
-
 def test_runs_of_other_lengths_and_steps_go_into_the_same_batch(several):
     pairs = [several[0], one(3, duration_s=2.0), several[1], one(4, duration_s=3.0, velocity=None)]
-
-    for got, pair in zip(side_by_side(pairs, Jerk(), Mtf()), pairs, strict=True):
-        assert_same(got, trajectory(*pair, Jerk(), Mtf()), {})
-
-
-def test_a_run_that_lacks_updates_of_its_neighbour_has_its_own(several):
-    recording, timeline = several[0]
-    fewer = timeline.update.copy()
-    fewer[np.flatnonzero(fewer >= 0)[5:40:3]] = -1
-    pairs = [(recording, replace(timeline, update=fewer)), several[1]]
 
     for got, pair in zip(side_by_side(pairs, Jerk(), Mtf()), pairs, strict=True):
         assert_same(got, trajectory(*pair, Jerk(), Mtf()), {})

@@ -5,17 +5,16 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import chi2, multivariate_normal
+from scipy.stats import multivariate_normal
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.estimate import Estimate, Updates
+from jerkbench.estimate import Updates
 from jerkbench.evaluation.metrics.consistency import Consistency, InnovationLikelihood
 from jerkbench.filters.kinematic import ConstantVelocity
-from jerkbench.recording import Imu, Recording, Reference
 from jerkbench.timeline import build_timeline
-from synthetic import level_attitude, recording_at_rest
+from synthetic import level_attitude, recording_at_rest, with_fix_noise
 
 BURN_IN_S = 5.0
 
@@ -31,25 +30,17 @@ def naive_nees(estimate, recording, counted, size):
     return sum(values) / len(values)
 
 
+@pytest.mark.parametrize("holes", [{}, {"enu_m": 0}, {"velocity_mps": 2}])
 @pytest.mark.parametrize(("column", "size"), [("anees", 6), ("anees_position", 3)])
-def test_anees_is_the_naive_loop(estimate, recording, counted, column, size):
+def test_anees_is_the_naive_loop(estimate, recording, counted, column, size, holes):
+    """Without values of the reference on one axis for nine seconds."""
+    for name, axis in holes.items():
+        values = getattr(recording.reference, name).copy()
+        values[12:30, axis] = np.nan
+        recording = dataclasses.replace(recording, reference=dataclasses.replace(recording.reference, **{name: values}))
     expected = naive_nees(estimate, recording, counted, size)
+    estimate.covariance.flags.writeable = False
     assert Consistency().evaluate(estimate, recording, counted)[column] == pytest.approx(expected, rel=1e-9)
-
-
-def test_errors_drawn_from_the_covariance_are_in_the_chi_square_band():
-    k, rng = 4000, np.random.default_rng(3)
-    root = rng.normal(size=(k, 6, 6))
-    error = (root @ rng.normal(size=(k, 6, 1)))[:, :, 0]
-    t_s = 0.1 * np.arange(k)
-    reference = Reference(t_s, "zero", independent=True, enu_m=np.zeros((k, 3)), velocity_mps=np.zeros((k, 3)))
-    recording = Recording("zero", Imu(t_s, np.zeros((k, 3)), np.zeros((k, 3))), reference)
-    covariance = root @ root.transpose(0, 2, 1)
-    estimate = Estimate(np.arange(k), error[:, :3], error[:, 3:], covariance, np.zeros((k, 3)))
-    values = Consistency().evaluate(estimate, recording, np.ones(k, dtype=bool))
-    for column, size in (("anees", 6), ("anees_position", 3)):
-        low, high = chi2.ppf([1e-4, 1 - 1e-4], k * size) / k
-        assert low < values[column] < high
 
 
 def test_anis_is_the_naive_loop_over_the_updates_after_the_burn_in_and_dropped_rows_do_not_count(
@@ -74,27 +65,31 @@ def test_anis_is_the_naive_loop_over_the_updates_after_the_burn_in_and_dropped_r
     assert values["anis_used_per_row"] == pytest.approx(sum(terms) / len(terms), rel=1e-12)
 
 
-@pytest.mark.parametrize("bad", [-np.eye(6), np.full((6, 6), np.nan), np.zeros((6, 6))])
-def test_a_covariance_that_is_none_gives_nan(estimate, recording, counted, bad):
+SPOILT = np.diag([1.0, 1.0, 1.0, 1.0, -1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("bad", "of_position"),
+    [(-np.eye(6), True), (np.full((6, 6), np.nan), True), (np.zeros((6, 6)), True), (SPOILT, False)],
+)
+def test_a_covariance_that_is_not_positive_definite_gives_nan(estimate, recording, counted, bad, of_position):
     covariance = estimate.covariance.copy()
     covariance[40] = bad
     values = Consistency().evaluate(dataclasses.replace(estimate, covariance=covariance), recording, counted)
     assert math.isnan(values["anees"])
-    assert math.isnan(values["anees_position"])
+    assert math.isnan(values["anees_position"]) == of_position
 
 
 ENGINES = [CompiledEngine(), FilterpyEngine()]
 
 
 def noisy(missing=False):
-    recording = recording_at_rest(duration_s=2.0)
-    p, v, rng = recording.position, recording.velocity, np.random.default_rng(2)
-    z_p = p.enu_m + 0.01 * rng.standard_normal(p.enu_m.shape)
-    z_v = v.mps + 0.03 * rng.standard_normal(v.mps.shape)
+    recording = with_fix_noise(recording_at_rest(duration_s=2.0))
+    z_p, z_v = recording.position.enu_m.copy(), recording.velocity.mps.copy()
     if missing:
         z_v[3:5], z_p[6] = np.nan, np.nan
-    position, velocity = dataclasses.replace(p, enu_m=z_p), dataclasses.replace(v, mps=z_v)
-    return dataclasses.replace(recording, position=position, velocity=velocity)
+    position = dataclasses.replace(recording.position, enu_m=z_p)
+    return dataclasses.replace(recording, position=position, velocity=dataclasses.replace(recording.velocity, mps=z_v))
 
 
 def naive_loss(timeline, model):

@@ -58,10 +58,9 @@ def test_of_independent_rows_it_is_as_wide_as_the_ordinary_bootstrap():
     assert got.high**2 - got.low**2 == pytest.approx(naive.high - naive.low, rel=0.15)
 
 
-@pytest.mark.parametrize(("phi", "n"), [(0.5, 1000), (0.8, 2000)])
-def test_it_holds_the_true_rmse_95_times_in_100(phi, n):
+def test_it_holds_the_true_rmse_95_times_in_100():
     """600 series: a standard error of 0.9 %; independent rows would hold it half the time."""
-    held = [(i := block_interval(x)).low <= 1.0 <= i.high for x in autoregressive(phi, n, 5, count=600) ** 2]
+    held = [(i := block_interval(x)).low <= 1.0 <= i.high for x in autoregressive(0.8, 2000, 5, count=600) ** 2]
     assert 0.93 <= np.mean(held) <= 0.97
 
 

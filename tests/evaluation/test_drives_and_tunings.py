@@ -85,13 +85,6 @@ def test_the_variance_is_unbiased_with_weights_too():
     assert abs(((low < 0) & (high > 0)).mean() - 0.7) < 0.03
 
 
-def test_an_interval_holds_as_often_as_it_says():
-    y = crossed(np.random.default_rng(4), 3000, 0.15, 0.0, 0.3)
-    inside = [abs(mean) <= high - mean for mean, _, high, _ in (crossed_intervals(one[None], 0.05) for one in y)]
-
-    assert stats.binomtest(int(np.sum(inside)), len(inside), 0.95).pvalue > 0.01
-
-
 def test_comparators_are_the_own_plain_filter_and_the_best_of_each_tuning_and_share_the_error():
     losses = drawn_losses(np.random.default_rng(5))
     average, pick, own, best = comparisons(losses)

@@ -45,7 +45,14 @@ POSITION, VELOCITY, ATTITUDE = PositionRmse(), VelocityRmse(), AttitudeRmse()
         (ATTITUDE, "euler_rad", "euler_rad", "yaw_rmse_rad", (2,)),
     ],
 )
-def test_an_rmse_is_the_naive_loop(estimate, recording, counted, metric, value, truth, column, axes):
+@pytest.mark.parametrize("hole", [None, (slice(12, 30), 0), (slice(12, 30), 2)])
+def test_an_rmse_is_the_naive_loop(estimate, recording, counted, metric, value, truth, column, axes, hole):
+    if hole is not None:
+        truths = getattr(recording.reference, truth).copy()
+        truths[hole] = np.nan
+        recording = dataclasses.replace(
+            recording, reference=dataclasses.replace(recording.reference, **{truth: truths})
+        )
     truths = getattr(recording.reference, truth)[estimate.index]
     if column in ("roll_rmse_rad", "yaw_rmse_rad"):
         counted = counted & (np.abs(truths[:, 1]) <= math.radians(75))
@@ -175,6 +182,10 @@ def test_an_estimate_that_is_nan_is_not_left_out_and_a_huge_error_is_infinite(es
     assert math.isnan(values["position_max_m"])
     far = dataclasses.replace(estimate, position_m=estimate.position_m + 1e200)
     assert PositionRmse().evaluate(far, recording, counted)["position_rmse_m"] == math.inf
+    before = estimate.velocity_mps.copy()
+    before[[1, 40]] = [[np.nan], [np.inf]]  # row 1 does not count
+    values = VelocityRmse().evaluate(dataclasses.replace(estimate, velocity_mps=before), recording, counted)
+    assert values["velocity_rmse_mps"] == math.inf
 
 
 def test_the_angle_is_that_between_the_third_rows_of_the_matrices_whatever_the_yaw(estimate, recording, counted):

@@ -18,7 +18,7 @@ def test_the_seeds_that_are_named_decide_four_times_in_five():
     """Pilots of 10 seeds, each of 5 comparisons; wherever in its interval the truth lies, so mostly more often."""
     rng, truth = np.random.default_rng(4), 1.12
     decided = []
-    while len(decided) < 30:
+    while len(decided) < 15:
         first = math.log(truth) + 0.08 * rng.standard_normal((5, 10))
         if seeds_needed(first[0], 5) is None:
             continue
@@ -67,7 +67,7 @@ def test_the_seeds_are_those_of_the_power_of_the_end_that_is_nearest_to_none():
 @pytest.mark.parametrize(("n", "comparisons"), [(6, 1), (10, 1), (20, 1), (10, 60), (20, 60), (50, 60)])
 def test_the_critical_value_to_plan_with_is_near_the_bootstraps(n, comparisons):
     rng = np.random.default_rng(8)
-    seen = [max_t(rng.standard_normal((comparisons, n))).critical(0.05) for _ in range(40)]
+    seen = [max_t(rng.standard_normal((comparisons, n))).critical(0.05) for _ in range(12)]
     planned = critical_t(np.array([float(n)]), comparisons, 0.05)[0]
     assert planned == pytest.approx(np.median(seen), rel=0.12)
 

@@ -1,11 +1,10 @@
 """The interval of a mean against an independent BCa bootstrap, a closed form, and its own promises."""
 
 import math
-from statistics import NormalDist
 
 import numpy as np
 import pytest
-from scipy.stats import bootstrap, ttest_1samp
+from scipy.stats import bootstrap, norm, ttest_1samp
 from scipy.stats import t as student
 from signed_intervals import Interval, mean_interval
 
@@ -14,29 +13,16 @@ from jerkbench.evaluation.intervals import bca_ends
 from jerkbench.evaluation.over_seeds import Samples, mean_intervals
 
 
-def naive_bca(values, confidence, resamples, seed):
-    """Efron's formulas, with resamples of their own."""
-    rng, normal, n = np.random.default_rng(seed), NormalDist(), len(values)
-    means = np.sort(rng.choice(values, (resamples, n)).mean(axis=1))
-    mean = np.mean(values)
-    z0 = normal.inv_cdf(np.mean(means < mean))
-    left_out = np.array([np.mean(np.delete(values, i)) for i in range(n)])
-    d = left_out.mean() - left_out
-    a = (d**3).sum() / (6 * (d**2).sum() ** 1.5)
-    ends = []
-    for tail in ((1 - confidence) / 2, (1 + confidence) / 2):
-        z = z0 + normal.inv_cdf(tail)
-        ends.append(np.quantile(means, normal.cdf(z0 + z / (1 - a * z))))
-    return ends
-
-
 @pytest.mark.parametrize("confidence", [0.8, 0.95])
 def test_it_is_the_bca_interval(confidence, monkeypatch):
     """The upper end's standard deviation from draw to draw is 0.5 % of the width with so many resamples (measured)."""
     monkeypatch.setattr(over_seeds, "_RESAMPLES", 200_000)
     values = np.random.default_rng(4).lognormal(sigma=1.0, size=20)  # skewed: percentile and BCa differ
     z = student.ppf((1 + confidence) / 2, 19) * math.sqrt(20 / 19)
-    low, high = naive_bca(values, 2 * NormalDist().cdf(z) - 1, 200_000, seed=5)
+    widened, rng = 2 * norm.cdf(z) - 1, np.random.default_rng(5)
+    low, high = bootstrap(
+        (values,), np.mean, n_resamples=200_000, confidence_level=widened, method="BCa", rng=rng
+    ).confidence_interval
     interval = mean_interval(values, confidence)
     assert interval.mean == pytest.approx(values.mean())
     assert interval.low == pytest.approx(low, abs=0.03 * (high - low))
@@ -66,19 +52,12 @@ def test_it_moves_and_stretches_with_the_values(n):
         assert (there.low, there.high) == pytest.approx((3.0 * here.low + 0.7, 3.0 * here.high + 0.7), rel=1e-9)
 
 
-@pytest.mark.parametrize("n", [10, 20])
-@pytest.mark.parametrize("sigma", [0.01, 0.2])
+@pytest.mark.parametrize(("n", "sigma"), [(10, 0.2), (20, 0.01)])
 def test_it_holds_the_true_mean_95_times_in_100(n, sigma):
     """RMSEs over seeds scatter like a lognormal; 2000 trials: a standard error of 0.5 %."""
     samples = np.random.default_rng(6).lognormal(0.0, sigma, size=(2000, n))
     _, low, high = mean_intervals(Samples.of(list(samples)))
     assert 0.93 <= np.mean((low <= math.exp(sigma**2 / 2)) & (math.exp(sigma**2 / 2) <= high)) <= 0.97
-
-
-def test_of_five_values_it_is_nearly_as_good():
-    samples = np.random.default_rng(7).normal(3.0, 1.0, size=(2000, 5))
-    _, low, high = mean_intervals(Samples.of(list(samples)))
-    assert 0.91 <= np.mean((low <= 3.0) & (high >= 3.0)) <= 0.97
 
 
 @pytest.mark.parametrize(

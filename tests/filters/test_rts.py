@@ -15,7 +15,7 @@ from jerkbench.estimate import no_attitude
 from jerkbench.filters.rts import RauchTungStriebel, SmoothedFixes
 from jerkbench.recording import Position, Recording, Reference
 from jerkbench.timeline import build_timeline
-from synthetic import level_attitude, recording_at_rest
+from synthetic import level_attitude, recording_at_rest, with_fix_noise
 
 MODELS = ("baseline", "bias", "jerk", "constant_velocity", "acceleration")
 
@@ -24,15 +24,8 @@ def smoother_of(model):
     return (SmoothedFixes if model in ("constant_velocity", "acceleration") else RauchTungStriebel)(model)
 
 
-def noisy_recording(seed=1, **options):
-    recording = recording_at_rest(**options)
-    rng = np.random.default_rng(seed)
-    n = len(recording.position.t_s)
-    return replace(
-        recording,
-        position=replace(recording.position, enu_m=rng.normal(0.0, 0.01, (n, 3))),
-        velocity=replace(recording.velocity, mps=rng.normal(0.0, 0.03, (n, 3))),
-    )
+def noisy_recording(**options):
+    return with_fix_noise(recording_at_rest(**options))
 
 
 def model_matrices(model, dt, dt0):
@@ -64,18 +57,6 @@ def smoothed_by_filterpy(timeline, model, fade=1.0):
     xs, Ps, _, _ = kf.rts_smoother(np.array(xs), np.array(Ps), Fs, Qs)
     at = np.flatnonzero(timeline.reference >= 0)
     return xs[at, :, 0], Ps[at]
-
-
-@pytest.mark.parametrize("name", MODELS)
-def test_it_agrees_with_filterpy_over_a_complete_run(name):
-    recording = noisy_recording(duration_s=6.0, imu_rate_hz=50)  # u = 0, because filterpy's smoother has no input
-    attitude, smoother = level_attitude(recording), smoother_of(name)
-    xs, Ps = smoothed_by_filterpy(build_timeline(recording, attitude), smoother.kinematic_filter())
-
-    estimate = smoother.estimate(recording, attitude, NoAdaptation())
-    np.testing.assert_allclose(estimate.position_m, xs[:, :3], atol=1e-8)
-    np.testing.assert_allclose(estimate.velocity_mps, xs[:, 3:6], atol=1e-8)
-    np.testing.assert_allclose(estimate.covariance, Ps[:, :6, :6], rtol=1e-5, atol=1e-11)
 
 
 def batch_solution(timeline, model):

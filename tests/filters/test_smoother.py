@@ -8,7 +8,7 @@ import pytest
 
 from engine_agreement import (
     agree_runs,
-    assert_same_sums,
+    assert_batch_agrees,
     assert_same_until_it_stops,
     with_a_negative_variance,
     with_other_last_bits,
@@ -20,12 +20,10 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import Field
 from jerkbench.disturbances.noise import NoiseStep
 from jerkbench.engines.compiled_engine import CompiledEngine
-from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.evaluated_run import prepare_reference, sums_from, sums_of
 from jerkbench.filters.rts import RauchTungStriebel, SmoothedFixes
 from jerkbench.kinematic.rules import compiled_rule
 from jerkbench.kinematic.smoother import smooth_one
-from jerkbench.timeline import RecordedRun, build_timeline
+from jerkbench.timeline import build_timeline
 
 MODELS = ("baseline", "bias", "jerk")
 
@@ -52,19 +50,16 @@ def compare(model, adaptation):
     def changed(seed):
         return model.smooth(with_other_last_bits(timeline, seed), adaptation)
 
-    return agree_runs(timeline, got, requested, changed), got, requested
+    agree_runs(timeline, got, requested, changed)
+
+
+SMOOTHERS = [*map(RauchTungStriebel, MODELS), *map(SmoothedFixes, ("constant_velocity", "acceleration"))]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", MODELS)
-def test_it_agrees_with_numpy_with_each_model(name):
-    compare(RauchTungStriebel(name), NoAdaptation())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["constant_velocity", "acceleration"])
-def test_it_agrees_with_numpy_without_the_imu(name):
-    compare(SmoothedFixes(name), NoAdaptation())
+@pytest.mark.parametrize("smoother", SMOOTHERS)
+def test_it_agrees_with_numpy_with_each_model(smoother):
+    compare(smoother, NoAdaptation())
 
 
 @pytest.mark.parametrize("name", RauchTungStriebel().adaptations)
@@ -90,17 +85,7 @@ def test_in_a_gap_the_covariance_agrees_within_the_rounding_error_of_a_differenc
 @pytest.mark.slow
 def test_sums_of_a_batch_agree_with_the_trajectories():
     models = [RauchTungStriebel("jerk", accel_mps2=0.1 * (1 + k)) for k in range(3)]
-    (recording, attitude), timeline = recorded(), build_timeline(*recorded())
-    scene = prepare_reference(recording, timeline, 2.0)
-    run = RecordedRun(recording, attitude, timeline, scene.scoring)
-    results = models[0].run_settings([run] * 3, models, [Mtf()] * 3, updates=True, attitude=False, threads=1)
-
-    for model, result in zip(models, results, strict=True):
-        estimate = model.estimate(recording, attitude, Mtf())
-        requested = sums_of(estimate, recording, counted_rows(estimate, recording, 2.0))
-        got = sums_from(result, scene, recording)
-        assert_same_sums(got, requested)
-        np.testing.assert_allclose(result.updates.nis_used, estimate.updates.nis_used, rtol=1e-7)
+    assert_batch_agrees(models, *recorded(), Mtf())
 
 
 def test_if_the_filter_diverges_the_steps_before_are_smoothed():

@@ -16,17 +16,13 @@ from jerkbench.disturbances.outages import GnssOutage
 from jerkbench.filters.eskf15 import Eskf15, Eskf15Smoother
 from jerkbench.inertial.mechanisation import FLAT, process_noise
 from jerkbench.inertial.smoother import ForwardRun, smooth_backward
-from synthetic import level_attitude, recording_at_rest
+from synthetic import level_attitude, recording_at_rest, with_fix_noise
 
 
 def noisy_rest(seed=1):
-    rest = recording_at_rest(duration_s=3.0, imu_rate_hz=20, static_start_s=2.0)
-    rng = np.random.default_rng(seed)
-    n = len(rest.position.t_s)
-    fixes = replace(rest.position, enu_m=rng.normal(0.0, 0.01, (n, 3)))
-    accel = rest.imu.accel_mps2 + rng.normal(0.0, 0.002, (len(rest.imu.t_s), 3))
-    velocity = replace(rest.velocity, mps=rng.normal(0.0, 0.03, rest.velocity.mps.shape))
-    return replace(rest, position=fixes, velocity=velocity, imu=replace(rest.imu, accel_mps2=accel))
+    rest = with_fix_noise(recording_at_rest(duration_s=3.0, imu_rate_hz=20, static_start_s=2.0), seed)
+    noise = np.random.default_rng(seed + 1).normal(0.0, 0.002, (len(rest.imu.t_s), 3))
+    return replace(rest, imu=replace(rest.imu, accel_mps2=rest.imu.accel_mps2 + noise))
 
 
 SMALL = {
@@ -105,19 +101,6 @@ def drive(seed):
     return GnssOutage(windows_s=((18.0, 28.0),)).apply(recording, seed)
 
 
-def test_an_outage_is_bridged_from_both_ends():
-    recording = drive(2)
-    attitude = Tilt().estimate(recording)
-    inside = (recording.reference.t_s > 18.0) & (recording.reference.t_s < 28.0)
-    largest = []
-    for model in (Eskf15(), Eskf15Smoother()):
-        estimate = model.estimate(recording, attitude, Mtf())
-        error = np.linalg.norm(estimate.position_m - recording.reference.enu_m[estimate.index], axis=1)
-        largest.append(error[inside[estimate.index]].max())
-
-    assert largest[1] < 0.2 * largest[0]
-
-
 def test_its_last_estimate_is_the_filters_and_the_point_given_out_may_lie_elsewhere():
     recording = drive(1)
     attitude = Tilt().estimate(recording)
@@ -128,22 +111,6 @@ def test_its_last_estimate_is_the_filters_and_the_point_given_out_may_lie_elsewh
     np.testing.assert_allclose(smoothed.position_m[-1], filtered.position_m[-1], atol=1e-12)
     np.testing.assert_allclose(smoothed.covariance[-1], filtered.covariance[-1], atol=1e-15)
     assert np.linalg.eigvalsh(filtered.covariance[20:-20] - smoothed.covariance[20:-20]).min() > -1e-9
-
-
-def test_its_errors_are_as_large_as_it_says():
-    nees = []
-    for seed in range(12):
-        recording = FieldWhite(duration_s=16.0, reference_rate_hz=5.0).load(seed)
-        estimate = Eskf15Smoother().estimate(recording, Tilt().estimate(recording), NoAdaptation())
-        k = 40  # eight seconds in
-        truth = recording.reference
-        at = estimate.index[k]
-        e = np.concatenate(
-            [estimate.position_m[k] - truth.enu_m[at], estimate.velocity_mps[k] - truth.velocity_mps[at]]
-        )
-        nees.append(e @ np.linalg.solve(estimate.covariance[k], e))
-
-    assert 0.5 * 6.0 < np.mean(nees) < 1.5 * 6.0  # the 95 % band of 12 drives is 4.2 to 8.1
 
 
 def test_a_lost_forward_pass_ends_where_it_was_lost():

@@ -12,7 +12,7 @@ from test_error_state import STATE, WORN, derivative, difference
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import FieldWhite
-from jerkbench.filters.eskf15 import Eskf15, InvariantEkf
+from jerkbench.filters.eskf15 import InvariantEkf
 from jerkbench.inertial.mechanisation import FLAT, advance_navigation
 from jerkbench.inertial.update import corrected_on_group
 
@@ -73,14 +73,6 @@ def test_a_correction_goes_in_by_the_exponential_of_the_group(about, states):
     np.testing.assert_allclose(difference(after, about)[9:], dx[9:], atol=1e-15)
 
 
-def test_where_the_origin_lies_does_not_matter():
-    shift, dx = np.array([3e5, -2e5, 100.0]), np.concatenate([LARGE, np.zeros(6)])
-    here = corrected_on_group(STATE, dx)
-    elsewhere = corrected_on_group(STATE._replace(position_m=STATE.position_m + shift), dx)
-
-    np.testing.assert_allclose(elsewhere.position_m - shift, here.position_m, atol=1e-9)
-
-
 def test_the_left_jacobian_has_all_digits_at_small_and_at_large_angles():
     for size in (0.0, 1e-9, 1e-4, 0.3, 3.0):
         dx = np.zeros(15)
@@ -93,8 +85,8 @@ def test_the_left_jacobian_has_all_digits_at_small_and_at_large_angles():
 
 @pytest.fixture(scope="module")
 def drive():
-    """Ten seconds from rest, with a first yaw that is 30 degrees off."""
-    recording = FieldWhite(duration_s=16.0, reference_rate_hz=5.0).load(2)
+    """Ten seconds, of which three at rest, with a first yaw that is 30 degrees off."""
+    recording = FieldWhite(duration_s=10.0, reference_rate_hz=5.0).load(2)
     recording = replace(recording, heading=None)
     attitude = Tilt().estimate(recording)
     turn = Rotation.from_euler("z", 0.5).as_matrix()
@@ -128,16 +120,3 @@ def test_a_whole_run_agrees_with_the_filter_of_the_paper(drive):
     assert np.abs(apart / sigma[:9]).max() < 0.02
     assert np.abs((np.concatenate(solution.state[3:5]) - oracle.b) / sigma[9:]).max() < 0.02
     assert np.abs((got - oracle.P) / np.outer(sigma, sigma)).max() < 0.02
-
-
-def test_a_whole_run_is_that_of_eskf15_while_errors_are_small():
-    """To a twentieth of a sigma, with noise of the sensors as large as ever."""
-    recording = FieldWhite(duration_s=20.0, reference_rate_hz=5.0).load(3)
-    attitude = Tilt().estimate(recording)
-    small = {"initial_yaw_sigma_rad": 0.002, "accel_turn_on_mg": 0.05, "gyro_turn_on_deg_per_h": 5.0}
-    mine, other = (f(**small).solve(recording, attitude, NoAdaptation()) for f in (InvariantEkf, Eskf15))
-    sigma = np.sqrt(np.diag(other.covariance))
-
-    assert np.abs(difference(mine.state, other.state) / sigma).max() < 0.05
-    assert np.abs((mine.covariance - other.covariance) / np.outer(sigma, sigma)).max() < 0.05
-    assert (mine.estimate.position_m != other.estimate.position_m).any()

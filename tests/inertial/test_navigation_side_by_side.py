@@ -80,11 +80,8 @@ def test_a_turn_of_more_than_a_tenth_of_a_radian_in_a_step():
 
 
 MEASURED = {
-    "arms": ("enu", ARMS),
     "body": ("body", ARMS),
     "wheel": ("speed", {"nonholonomic_point_m": (-0.5, 0.2, -0.3)}),
-    "held": ("enu", HELD),
-    "earth": ("enu", EARTH),
     "heading": ("heading", {}),
     "all with a wheel": pytest.param("speed", {**ARMS, **HELD, "wheel_scale": True}, marks=pytest.mark.slow),
 }

@@ -40,18 +40,6 @@ def test_circular_motion_comes_out_as_a_circle():
     np.testing.assert_allclose(state.dcm, Rotation.from_rotvec([0, 0, angle]).as_matrix(), atol=1e-12)
 
 
-def test_biases_are_taken_off_and_stay():
-    state = at_rest(gyro_bias_radps=np.array([0.01, 0.02, -0.03]), accel_bias_mps2=np.array([0.1, -0.2, 0.3]))
-    after, mean, force = mechanise(
-        state, state.accel_bias_mps2 + np.array([0, 0, GRAVITY_MPS2]), state.gyro_bias_radps, 0.1, FLAT
-    )
-
-    np.testing.assert_allclose(after.velocity_mps, 0.0, atol=1e-15)
-    np.testing.assert_allclose(mean, np.eye(3), atol=1e-15)
-    np.testing.assert_allclose(force, [0, 0, GRAVITY_MPS2])
-    np.testing.assert_array_equal(after.accel_bias_mps2, state.accel_bias_mps2)
-
-
 def test_a_body_at_rest_on_the_turning_earth_stays_at_rest():
     earth = earth_at(AMES, rotates=True, curved=False)
     C = Rotation.from_euler("ZYX", [0.5, 0.1, -0.2]).as_matrix()

@@ -12,8 +12,8 @@ from jerkbench.datasets.field import FieldWhite
 from jerkbench.errors import PluginError
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.ukf import Ukf
-from jerkbench.geometry import dcm_from_euler
-from jerkbench.recording import Heading, Velocity
+from jerkbench.recording import Velocity
+from synthetic import body_velocity, with_true_headings
 
 
 @pytest.fixture(scope="module")
@@ -59,22 +59,17 @@ def test_an_adaptation_sees_what_it_sees_in_eskf15(field):
 
 def test_lever_arms_constraints_and_headings_are_those_of_eskf15(field):
     recording, attitude = field
-    truth = recording.reference
-    t_s = recording.position.t_s[20::3] + 0.0037
-    yaw = np.interp(t_s, truth.t_s, np.unwrap(truth.euler_rad[:, 2]))
-    headed = replace(recording, heading=Heading(t_s, np.mod(yaw + np.pi, 2 * np.pi) - np.pi, np.full(len(t_s), 0.02)))
     arms = {"antenna_m": (0.3, -0.2, 1.1), "reference_point_m": (-0.4, 0.1, 0.2)}
     held = {"zero_velocity": True, "nonholonomic": True, "nonholonomic_point_m": (-0.5, 0.0, -0.3)}
 
-    require_like_eskf15(headed, attitude, **arms, **held)
+    require_like_eskf15(with_true_headings(recording), attitude, **arms, **held)
 
 
 @pytest.mark.parametrize("frame", ["body", "speed"])
 def test_a_velocity_of_the_body_and_of_a_wheel_too(frame):
     recording = FieldWhite(duration_s=10.0).load(3)
     truth, velocity = recording.reference, recording.velocity
-    rows = np.searchsorted(truth.t_s, velocity.t_s - 1e-6)
-    in_body = np.einsum("nji,nj->ni", dcm_from_euler(truth.euler_rad[rows]), velocity.mps)
+    in_body = body_velocity(recording)
     shown = replace(velocity, frame="body", mps=in_body)
     if frame == "speed":
         shown = Velocity.along_course(velocity.t_s, in_body[:, 0], 0.03)

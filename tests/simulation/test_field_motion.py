@@ -186,10 +186,3 @@ def test_speeds_on_passes_and_in_turns(path, straight, turn):
         np.testing.assert_allclose(speed[(t >= start) & (t <= start + path.turn_s)], turn, atol=1e-12)
         on_pass = (t >= start + path.turn_s + 2.0) & (t <= min(start + path.turn_s + path.pass_s - 2.0, 150.0))
         np.testing.assert_allclose(speed[on_pass], straight, atol=1e-12)
-
-
-def test_distance_is_the_integral_of_speed():
-    for end in (4.5, 25.0, 60.0):
-        corners = [t for t in (3, 6, 24, 26, 32, 34, 50, 52, 58) if t < end]
-        length, _ = quad(lambda t: one(FIELD.speed_mps_at, t), 0.0, end, points=corners, limit=200)
-        assert one(FIELD.distance_m_at, end) == pytest.approx(length, abs=1e-8)

@@ -160,13 +160,3 @@ def test_a_speed_alone_updates_a_filter_as_one_row_along_the_course():
 
     np.testing.assert_allclose(v + K @ (velocity.mps[0] - v), of_one[0], atol=2e-3)
     np.testing.assert_allclose(P - K @ P, of_one[1], atol=2e-3)
-
-
-def test_a_run_starts_along_the_course_and_knows_no_less_across_than_without_a_speed():
-    recording = recording_at_rest(duration_s=1.0, velocity=Velocity.along_course([0.1, 0.3], [3.0, 3.0], 0.5))
-    timeline = build_timeline(recording, level_attitude(recording))  # the first fix is at .2 s
-
-    np.testing.assert_allclose(timeline.x0[3:], [3.0, 0.0, 0.0])
-    np.testing.assert_allclose(
-        np.diag(timeline.P0)[3:], [0.25 + (0.1 * INPUT_SIGMA_MPS2) ** 2, *2 * [INITIAL_SPEED_SIGMA_MPS**2]]
-    )

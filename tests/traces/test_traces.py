@@ -79,18 +79,12 @@ def test_a_trace_survives_its_file_and_an_invalid_one_raises(tmp_path):
         trace_path(str(tmp_path / "gone.parquet"))
 
 
-def test_the_local_moment_and_the_autocorrelation():
+def test_the_local_moment_is_the_mean_of_the_neighbours():
     trace = Trace(np.array([*range(10), 30.0]), noise(11), np.tile(np.eye(3), (11, 1, 1)))
     moment = trace.local_moment_m2(4.0)
     expected = np.mean([np.outer(e, e) for e in trace.error_m[3:8]], axis=0)
     np.testing.assert_allclose(moment[5], expected)
     np.testing.assert_allclose(moment[10], np.outer(trace.error_m[10], trace.error_m[10]))
-    random = np.random.default_rng(1)
-    error = random.normal(size=(20000, 3))
-    for k in range(1, len(error)):
-        error[k] = 0.9 * error[k - 1] + np.sqrt(1 - 0.81) * error[k]
-    trace = Trace(np.arange(20000) * 1.0, error, np.tile(np.eye(3), (20000, 1, 1)))
-    np.testing.assert_allclose(lagged_correlation(trace, 5.0), 0.9**5, atol=0.06)
 
 
 @pytest.mark.parametrize("name", shipped())
