@@ -11,13 +11,11 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.disturbances.imu import ImuBias as BiasDisturbance
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
-from jerkbench.estimate import Streamed, Updates
 from jerkbench.evaluation.metrics.position import PositionRmse
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.kinematic import Jerk
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.rows import job_rows
-from jerkbench.kinematic.trajectory_score import scored_trajectory
 from jerkbench.plugins.checks import complaint
 from jerkbench.plugins.samples import small_recording, true_attitude
 from made_jobs import with_method
@@ -364,50 +362,6 @@ def test_check_plugin_reports_the_problems_of_the_class_and_of_its_methods():
 def test_an_unknown_kind_is_a_sentence():
     with pytest.raises(PluginError, match="mean 'adaptation'"):
         testing.check_plugin("adaption", NoAdaptation())
-
-
-@dataclass(frozen=True)
-class BrokenBatched(GnssOnly):
-    """An estimator whose compiled way goes another way."""
-
-    apart_m: float = 0.0
-    factor: float = 1.0
-
-    def estimate_compiled(self, recording, attitude, adaptation):
-        estimate = self.estimate(recording, attitude, adaptation)
-        return replace(estimate, position_m=estimate.position_m + self.apart_m)
-
-    def run_settings(self, runs, estimators, adaptations, *, updates, attitude, threads):
-        both = zip(estimators, runs, adaptations, strict=True)
-        return [None if own.factor == 0.0 else own._sums(run, adaptation) for own, run, adaptation in both]
-
-    def _sums(self, run, adaptation):
-        estimate = self.estimate(run.recording, run.attitude, adaptation)
-        error = (estimate.position_m - run.scoring.truth[:, :3]) * run.scoring.counted[:, None]
-        velocity = (estimate.velocity_mps - run.scoring.truth[:, 3:]) * run.scoring.moving[:, None]
-        position_m2, velocity_m2ps2 = (error**2).sum(axis=0) * self.factor, (velocity**2).sum(axis=0)
-        none = Updates.empty()
-        return Streamed(position_m2, velocity_m2ps2, *[0.0] * 11, np.zeros((0, 3)), np.zeros((0, 6)), none)
-
-
-def test_a_compiled_way_that_goes_another_way():
-    with pytest.raises(AssertionError, match="position_m"):
-        testing.check_filter(BrokenBatched(apart_m=1e-3))
-    with pytest.raises(AssertionError, match=r"position_m2 of .*run_settings\(\)"):
-        testing.check_filter(BrokenBatched(factor=1.1))
-    testing.check_filter(BrokenBatched(factor=0.0))
-
-
-def test_a_compiled_way_that_does_not_say_when_a_run_strays():
-    """Its sums are right: they are made from the trajectory."""
-
-    class Mute(BrokenBatched):
-        def _sums(self, run, adaptation):
-            sums = scored_trajectory(self.estimate(run.recording, run.attitude, adaptation), run.scoring)
-            return sums._replace(diverged_m2=0.0, rows_left=0.0)
-
-    with pytest.raises(AssertionError, match="reports '' for a run that diverged"):
-        testing.check_filter(Mute())
 
 
 def test_an_adaptation_that_changes_something_and_says_that_it_does_not():
