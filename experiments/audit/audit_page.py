@@ -401,6 +401,7 @@ def audit_page(answer: AuditAnswer, folder: Path, commit: str) -> str:
         truth=told_truth(answer),
         elsewhere=_texts(folder.parent / name / FOUND for name in ELSEWHERE),
         second=_texts([folder / SECOND]),
+        most=main_kind(rows, answer.losses),
         again=Audit(again).better_and_worse() if (again := folder.parent / SECOND_AUDIT).exists() else {},
         sources=[(name, of) for name in protocol.compared if (of := provenance_of(plugins.get("adaptation", name)))],
     )
@@ -419,10 +420,10 @@ def wrapped(page: str) -> str:
 
 
 def _filled(block: str) -> str:
-    """Wrap one paragraph or list item. Neither code nor a percentage is divided."""
+    """Wrap one paragraph or list item. Code, a percentage, and a number with its interval are not divided."""
     item = ITEM.match(block)
     indent = " " * (len(item[0]) if item else len(block) - len(block.lstrip()))
-    joined = re.sub(r"`[^`]*`|\d %", lambda found: found[0].replace(" ", NO_BREAK), block)
+    joined = re.sub(r"`[^`]*`|\d %|\d \[[\d., ]+\]", lambda found: found[0].replace(" ", NO_BREAK), block)
     wrapper = textwrap.TextWrapper(MAX_LINE, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
     return wrapper.fill(joined).replace(NO_BREAK, " ")
 
