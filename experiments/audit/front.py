@@ -60,20 +60,18 @@ def front(audit: Audit) -> str:
 filters with the same number of settings, and tested them on {audit.y.shape[2]} other simulated drives. On drives with
 outliers, {counts["outliers"][0]} adaptive filters are significantly better than the plain filter of the same model, and
 {counts["outliers"][1]} are worse. Without a fault, none is better and {counts["no fault"][1]} are worse. The list shows
-the error of an adaptive filter from the literature divided by the error of the plain filter, averaged over these
-adaptive filters, with its 95 % interval:"""
+the average of the ratio "error of an adaptive filter from the literature divided by the error of the plain filter",
+with its 95 % interval:"""
     ratios = f"""\
 - simulated drives: {average[0]:.2f} ({average[1]:.2f} to {average[2]:.2f}, {audit.literature.sum()} filters)
 - simulated drives without outliers: {without[0]:.2f} ({without[1]:.2f} to {without[2]:.2f})
 - the median of {trips} real GNSS trips: {ratio} ({low} to {high})"""
-    limits = """\
-[The audit](experiments/audit/README.md) describes the method, the ranking and the limits. In the picture, a drive with
-several faults counts in several rows."""
+    limits = "[The audit](experiments/audit/README.md) describes the method, the ranking and the limits."
     caption = (
         "Number of adaptive filters that are significantly better or worse than the plain filter, by kind of fault"
     )
     figure = f'<img src="experiments/audit/{PICTURE.name}" alt="{caption}" width="720">'
-    return "\n\n".join([textwrap.fill(finding, 140), ratios, figure, textwrap.fill(limits, 140)]) + "\n"
+    return "\n\n".join([textwrap.fill(finding, 140), ratios, figure, limits]) + "\n"
 
 
 def picture(first: Audit, second: Audit) -> Figure:
