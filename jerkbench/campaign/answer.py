@@ -306,12 +306,11 @@ def compared_text(methods: Sequence[AuditMethod], first: Statements, second: Sta
     ]
     opposite = [change for change in changed if {*change[2:]} == {Verdict.BETTER, Verdict.WORSE}]
     head = (
-        f"A second audit has other drives and other tunings. Of {2 * len(methods)} verdicts, {len(changed)} differ"
-        f" between the two audits; {len(opposite)} change between better and worse"
-        f"{', which is a defect' * bool(opposite)}. On average, adaptation multiplies the error of the plain filter by"
-        f" {first.average} in the first audit, and by {second.average} in the second audit. The error of the best"
-        f" adaptive filter divided by the error of the best plain filter is {first.pick} in the first audit, and"
-        f" {second.pick} in the second audit."
+        f"A second audit has other drives and other tunings. Of {2 * len(methods)} verdicts, {len(changed)} differ;"
+        f" {len(opposite)} change between better and worse{', which is a defect' * bool(opposite)}. On average,"
+        f" adaptation multiplies the error by {first.average} in the first audit, and by {second.average} in the second"
+        f" audit. The error of the best adaptive filter divided by the error of the best plain filter is {first.pick}"
+        f" in the first audit, and {second.pick} in the second audit."
     )
     lines = (f"\n- {name}, {against} plain filter: {one}, then {other}" for name, against, one, other in opposite)
     return head + "".join(lines)
