@@ -401,6 +401,7 @@ def audit_page(answer: AuditAnswer, folder: Path, commit: str) -> str:
         truth=told_truth(answer),
         elsewhere=_texts(folder.parent / name / FOUND for name in ELSEWHERE),
         second=_texts([folder / SECOND]),
+        most=main_kind(rows, answer.losses),
         again=Audit(again).better_and_worse() if (again := folder.parent / SECOND_AUDIT).exists() else {},
         sources=[(name, of) for name in protocol.compared if (of := provenance_of(plugins.get("adaptation", name)))],
     )
@@ -419,10 +420,10 @@ def wrapped(page: str) -> str:
 
 
 def _filled(block: str) -> str:
-    """Wrap one paragraph or list item. Neither code nor a percentage is divided."""
+    """Wrap one paragraph or list item. Code, a percentage, and a number with its interval are not divided."""
     item = ITEM.match(block)
     indent = " " * (len(item[0]) if item else len(block) - len(block.lstrip()))
-    joined = re.sub(r"`[^`]*`|\d %", lambda found: found[0].replace(" ", NO_BREAK), block)
+    joined = re.sub(r"`[^`]*`|\d %|\d \[[\d., ]+\]", lambda found: found[0].replace(" ", NO_BREAK), block)
     wrapper = textwrap.TextWrapper(MAX_LINE, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
     return wrapper.fill(joined).replace(NO_BREAK, " ")
 
@@ -451,11 +452,11 @@ def compared_text(methods: Sequence[AuditMethod], first: Statements, second: Sta
     ]
     opposite = [change for change in changed if {*change[2:]} == {Verdict.BETTER, Verdict.WORSE}]
     head = (
-        f"A second audit with other drives and other tunings changes {len(changed)} of {2 * len(methods)} verdicts;"
-        f" {len(opposite)} change between better and worse{', which is a defect' * bool(opposite)}. The error of the"
-        f" average adaptation divided by the error of the plain filter is {first.average} in the first audit and"
-        f" {second.average} in the second audit. The error of the method that is best in tuning, divided by the error"
-        f" of the best plain filter, is {first.pick} in the first audit and {second.pick} in the second audit."
+        f"A second audit has other drives and other tunings. Of {2 * len(methods)} verdicts, {len(changed)} differ;"
+        f" {len(opposite)} change between better and worse{', which is a defect' * bool(opposite)}. On average,"
+        f" adaptation multiplies the error by {first.average} in the first audit, and by {second.average} in the second"
+        f" audit. The error of the best adaptive filter divided by the error of the best plain filter is {first.pick}"
+        f" in the first audit, and {second.pick} in the second audit."
     )
     lines = (f"\n- {name}, {against} plain filter: {one}, then {other}" for name, against, one, other in opposite)
     return head + "".join(lines)

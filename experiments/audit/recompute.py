@@ -172,14 +172,14 @@ def main() -> int:
         r"of the same model, and (\d+) are worse": counts["outliers"][1],
         r"Without a fault, (\w+) is better": "none" if not counts["no fault"][0] else counts["no fault"][0],
         r"is better and (\d+) are worse": counts["no fault"][1],
-        r"the (\d+) filters from the literature": int(audit.literature.sum()),
-        r"literature is (\S+) times the plain filter's error": f"{average[0]:.2f}",
-        r"95 % interval (\S+ to [\d.]+)": "{1:.2f} to {2:.2f}".format(*average),
-        r"(\S+) times without outliers": f"{without[0]:.2f}",
-        r"without outliers \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*without),
-        r"times on (\d+) real GNSS trips": number,
-        r"(\S+) times on \d+ real": f"{real[0]:.2f}",
-        r"real GNSS trips \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*real),
+        r"simulated drives: (\S+) \(": f"{average[0]:.2f}",
+        r"simulated drives: \S+ \((\S+ to [\d.]+),": "{1:.2f} to {2:.2f}".format(*average),
+        r"simulated drives: .*?, (\d+) filters\)": int(audit.literature.sum()),
+        r"without outliers: (\S+) \(": f"{without[0]:.2f}",
+        r"without outliers: \S+ \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*without),
+        r"the median of (\d+) real GNSS trips": number,
+        r"real GNSS trips: (\S+) \(": f"{real[0]:.2f}",
+        r"real GNSS trips: \S+ \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*real),
     }
     differ = 0
     for pattern, value in found.items():

@@ -156,7 +156,7 @@ def main() -> None:
     if results == RESULTS:
         of_page = parts(rows)
         PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), of_page), encoding="utf-8")
-        left_out.answer(RESULTS, "20 real trips without an IMU", "journeys", of_page["average"])
+        left_out.answer(RESULTS, "20 real trips without an IMU", "journeys", of_page["average"], "trip")
 
 
 if __name__ == "__main__":

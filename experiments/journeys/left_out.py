@@ -123,10 +123,13 @@ def setting_rows(
     return table.astype({"setting": "int8"}).assign(error_m=error_m)
 
 
-def answer(results: Path, title: str, study: str, sentences: str) -> None:
+def answer(results: Path, title: str, study: str, sentences: str, unit: str) -> None:
     """Write the finding of a study, which the page of the audit includes. Links are relative to experiments/audit."""
-    tuned = "Each recording was evaluated with settings that were tuned on other groups of recordings:"
-    head = f"**{title}** ([details](../{study}/README.md)). {tuned}"
+    tuned = "Each recording was evaluated with settings that were tuned on other groups of recordings."
+    ratio = f"For each {unit}, the error with an adaptation is divided by the error of the plain filter."
+    average = f"The *average ratio* of a {unit} is the geometric mean of these ratios over the adaptations."
+    shown = f"The list shows the median of the average ratio over the {unit}s, with its 95 % interval:"
+    head = f"**{title}** ([details](../{study}/README.md)). {tuned} {ratio} {average} {shown}"
     write_text(results / "answer.md", f"{head}\n\n{sentences}\n")
 
 
@@ -270,11 +273,11 @@ def ratio_sentence(d: FloatArray, taken: Taken, unit: str) -> str:
     """Return the result of (16, n) log ratios as one line; ``unit`` is the noun for a replicate."""
     result = over_replicates(d, taken)
     low, high = result.exact
-    ratio = "averaged over the adaptations, the error with adaptation divided by the error of the plain filter is"
-    median = f"{result.median:.2f} [{low:.2f}, {high:.2f}] (median over the {unit}s)"
-    wins = f"on {result.wins} of {result.n} {unit}s (sign test, p = {result.p:.2g}: **{result.verdict}**)"
-    largest = f"The largest average ratio is {result.worst_ratio:.2f} ({unit} `{result.worst}`)."
-    return f"{ratio} {median}. This average ratio is below 1 {wins}. {largest}"
+    median = f"on the median {unit}, adaptation multiplies the error by {result.median:.2f} [{low:.2f}, {high:.2f}]."
+    wins = f"The average ratio is below 1 on {result.wins} of {result.n} {unit}s"
+    test = f"(sign test, p = {result.p:.2g}: **{result.verdict}**)."
+    largest = f"The {unit} `{result.worst}` has the largest average ratio, {result.worst_ratio:.2f}."
+    return f"{median} {wins} {test} {largest}"
 
 
 def ratio_table(losses: Mapping[Method, FloatArray], taken: Taken, unit: str) -> str:

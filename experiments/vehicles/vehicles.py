@@ -151,6 +151,7 @@ def main() -> None:
             "Real drives of cars with 13 recorded traces of GNSS errors (partly simulated)",
             "vehicles",
             of_page["average"],
+            "trace",
         )
 
 
