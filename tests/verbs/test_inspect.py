@@ -210,7 +210,7 @@ def test_what_is_kept_is_shown_and_cleared_and_nothing_else(tmp_path, typed, mon
     (cache / "mine.txt").touch()
     shown = typed("data", "cache").stdout
     assert f"compiled filters and adaptations: 2 files, 1.0 MB in {cache / 'compiled'}\n" in shown
-    assert "messages of bags: 1 files, " in shown
+    assert "messages of bags: 2 files, " in shown
     assert typed("data", "cache", "--clear").stdout.count(", deleted") == 2
     assert [path.name for path in cache.rglob("*") if path.is_file()] == ["mine.txt"]
     assert typed("data", "cache").stdout.count(": 0 files, 0.0 MB") == 3
