@@ -169,16 +169,16 @@ def main() -> int:
         r"tuned (\d+) adaptive": len(audit.methods),
         r"on (\d+) other simulated drives": audit.y.shape[2],
         r"drives with outliers, (\d+) adaptive": counts["outliers"][0],
-        r"of the same model, and (\d+) are worse": counts["outliers"][1],
+        r"of the same model, and (\d+) significantly worse": counts["outliers"][1],
         r"Without a fault, (\w+) is better": "none" if not counts["no fault"][0] else counts["no fault"][0],
         r"is better and (\d+) are worse": counts["no fault"][1],
         r"multiplies the error by (\S+) \(": f"{average[0]:.2f}",
         r"\(95 % interval (\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*average),
         r"Without outliers, the factor is (\S+) \(": f"{without[0]:.2f}",
         r"the factor is \S+ \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*without),
-        r"On the median of (\d+) real GNSS trips": number,
-        r"real GNSS trips, it is (\S+) \(": f"{real[0]:.2f}",
-        r"real GNSS trips, it is \S+ \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*real),
+        r"The median over (\d+) real GNSS trips": number,
+        r"real GNSS trips is (\S+) \(": f"{real[0]:.2f}",
+        r"real GNSS trips is \S+ \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*real),
     }
     differ = 0
     for pattern, value in found.items():

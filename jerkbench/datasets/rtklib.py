@@ -230,13 +230,14 @@ def read_imu_log(path: Path, tag_path: Path) -> tuple[int, FloatArray, Columns]:
     columns.finite((*LOG_ACCEL, *LOG_GYRO))
     columns.require_increasing()
     start_ns, total_s = read_time_tag(tag_path)
-    t_s = columns.t_s(int(columns.t_ns[0]))
-    if abs(t_s[-1] - total_s) > CLOCKS_AGREE * total_s:
+    ms = columns.numbers([LOG_MS])[:, 0]
+    elapsed_s = 1e-3 * (ms[-1] - ms[0])
+    if abs(elapsed_s - total_s) > CLOCKS_AGREE * total_s:
         raise RecordingError(
-            f"{path} covers {t_s[-1]:.3f} s, but its time tag {tag_path.name} covers {total_s:.3f} s;"
+            f"{path} covers {elapsed_s:.3f} s, but its time tag {tag_path.name} covers {total_s:.3f} s;"
             " use the time tag of the same recording, and check that neither file is truncated."
         )
-    return start_ns, t_s * (total_s / t_s[-1]), columns
+    return start_ns, (ms - ms[0]) * (1e-3 * total_s / elapsed_s), columns
 
 
 # The speed, the velocities and the covariances in the solution, and the notes of the recording.
