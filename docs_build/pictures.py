@@ -45,15 +45,6 @@ figures results/returns
             "results/returns/figures/*-three-sigma.png": "silent_error.png",
         },
     ),
-    "own_log": Page(
-        """\
-data inspect imu.csv gnss.csv truth.csv --preset my_drive.yaml
-run -m --config-dir . dataset=my_drive dataset.reference_sigma_m=0.02 filter=jerk,eskf15 disturbance=heavy_tailed \
-seeds=3 study=truth
-figures results/truth
-""",
-        {"results/truth/figures/bars.png": "reference_floor.png"},
-    ),
     "taroz": Page(
         "data fetch taroz\nsmooth taroz --to gpx --figure smooth.png\n",
         {"smooth.png": "smooth.png"},
