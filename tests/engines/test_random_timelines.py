@@ -1,7 +1,6 @@
 """Random timelines: whatever comes, both engines agree, or refuse alike.
 
-JERKBENCH_RANDOM_TIMELINES is how many there are; the default is a share that takes seconds, always the same. 700 of
-them, new ones each time, are the whole.
+The default number takes seconds and always gives the same timelines. JERKBENCH_RANDOM_TIMELINES=700 draws new ones.
 
 Two runs agree if they differ by less than the limits of `engine_agreement`, or by less than some times what rounding
 itself explains: the reference runs again with other last bits of x and P after every step and of z at every update, and
@@ -18,7 +17,6 @@ or a run has failed by it. Nothing after that is compared: the run is cut.
 import json
 import os
 from collections import Counter
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -33,12 +31,8 @@ from jerkbench import plugins
 from jerkbench.engines import filterpy_engine
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.errors import RecordingError
-from jerkbench.estimate import no_attitude
 from jerkbench.kalman import innovation_factor
-from jerkbench.recording import _MIN_FIXES, Position, Reference, Velocity
-from jerkbench.timeline import Measurements, Timeline, build_timeline
-from synthetic import level_attitude, recording_at_rest
+from jerkbench.timeline import Measurements, Timeline
 
 SHARE = 3
 COUNT = int(os.environ.get("JERKBENCH_RANDOM_TIMELINES", SHARE))
@@ -57,28 +51,6 @@ SINGULAR, DIFFICULT = (
     for name in ("singular", "difficult")
 )
 """Timelines at whose end rounding had decided which engine refuses, and timelines on which an engine was wrong."""
-
-
-@st.composite
-def recordings(draw):
-    """Recordings with and without IMU; fixes before, in and after it, one fix, or none, and NaN in all of them."""
-    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    rate_hz, seconds = draw(st.sampled_from([(10, 3), (50, 1), (100, 1)]))
-    imu = draw(st.booleans())
-    kept = {"reference": stamps(draw, rng, -1.0, seconds + 1.0, least=1)}
-    least = 0 if imu else _MIN_FIXES
-    kept["position"] = stamps(draw, rng, -1.0, seconds + 1.0, least)
-    kept["velocity"] = stamps(draw, rng, -1.0, seconds + 1.0, 0)
-    rest = recording_at_rest(seconds, rate_hz)
-    p, v = (fixes(rng, kept[name], draw(st.sampled_from([1e-3, 1e-2, 1.0, 30.0]))) for name in ("position", "velocity"))
-    t_s = kept["reference"]
-    return replace(
-        rest,
-        imu=rest.imu if imu else None,
-        position=Position(*p) if len(p[0]) else None,
-        velocity=Velocity(*v) if len(v[0]) else None,
-        reference=Reference(t_s, "made by hand", independent=True, enu_m=np.zeros((len(t_s), 3))),
-    )
 
 
 @pytest.mark.slow
@@ -125,31 +97,6 @@ def test_where_the_prior_is_singular_to_rounding_both_engines_end_alike(timeline
     assert len(runs[0].index) == len(runs[1].index)
 
 
-@pytest.mark.slow
-@given(recording=recordings())
-@settings(
-    max_examples=COUNT,
-    derandomize=COUNT <= SHARE,
-    deadline=None,
-    suppress_health_check=list(HealthCheck),
-    print_blob=True,
-)
-def test_both_engines_agree_over_a_recording_or_it_is_refused_before(recording):
-    """Without IMU the input is zero; a recording without a complete fix while it runs is refused with a sentence."""
-    rng = np.random.default_rng(0)
-    attitude = no_attitude(recording.clock_s)
-    if recording.imu is not None:
-        attitude = level_attitude(recording, rng.normal(0.0, 0.3, recording.imu.accel_mps2.shape))
-    try:
-        timeline = build_timeline(recording, attitude)
-    except RecordingError as error:
-        assert "no position fix with all three axes" in str(error)  # noqa: PT017 - most recordings raise nothing
-        return
-    for model in MODELS.values():
-        for name in ADAPTATIONS:
-            SEEN[compare(timeline, model, plugins.create("adaptation", {"name": name}))] += 1
-
-
 @pytest.fixture(scope="module", autouse=True)
 def _counted():
     """Nearly all runs are compared to their end, or the comparison would be empty."""
@@ -183,22 +130,6 @@ def timeline_of(steps, seed, *, correlated=False):
         half = np.sqrt(P0) @ rng.normal(size=(6, 8))
         P0 = half @ half.T + 0.1 * P0
     return Timeline(0.01, dt_s, sample, update, np.arange(n), u, Measurements(t_ns, z, R, 2.0 * R), x0, P0, euler, t_s)
-
-
-def stamps(draw, rng, begin_s, end_s, least):
-    """Random stamps, half of them on the grid of the IMU."""
-    count = draw(st.sampled_from([0, 1, 2, 5, 20]))
-    t_s = rng.uniform(begin_s, end_s, max(count, least))
-    rounded = np.unique(np.where(rng.random(len(t_s)) < 0.5, np.round(t_s, 1), np.round(t_s, 4)))
-    return rounded if len(rounded) >= least else np.linspace(begin_s, end_s, least)
-
-
-def fixes(rng, t_s, sigma):
-    """Stamps, values, now and then an outlier or NaN, and full covariances."""
-    half = rng.normal(size=(len(t_s), 3, 5)) * sigma
-    values = rng.normal(0.0, sigma, (len(t_s), 3)) * np.where(rng.random((len(t_s), 1)) < 0.2, 40.0, 1.0)
-    values[rng.random(values.shape) < 0.15] = np.nan
-    return t_s, values, half @ half.transpose(0, 2, 1) + 0.1 * sigma**2 * np.eye(3)
 
 
 def absent(rows, rng):

@@ -271,26 +271,3 @@ def test_a_reference_with_holes_needs_a_trajectory(several):
 
     assert prepare_reference(holed, timeline, BURN_IN_S) is None
     assert prepare_reference(recording, timeline, burn_in_s=100.0) is None
-
-
-def test_a_run_without_consistency_has_all_other_sums(several):
-    score = [prepare_reference(recording, timeline, BURN_IN_S) for recording, timeline in several[:3]]
-    both = [
-        CompiledEngine().run_settings(
-            [Run(timeline, scoring) for (_, timeline), scoring in zip(several, scorings, strict=False)],
-            [Jerk()] * 3,
-            [Mtf()] * 3,
-            updates=False,
-            threads=1,
-        )
-        for scorings in ([s.scoring for s in score], [s.errors_only for s in score])
-    ]
-
-    for whole, bare in zip(*both, strict=True):
-        assert np.isnan([bare.nees, bare.nees_position]).all()
-        assert np.isfinite([whole.nees, whole.nees_position]).all()
-        for name in ("position_m2", "velocity_m2ps2", "largest_m2", "nis_per_row", "nis_used_per_row"):
-            np.testing.assert_array_equal(getattr(bare, name), getattr(whole, name))
-        np.testing.assert_array_equal(bare.marked_m, whole.marked_m[: len(bare.marked_m)])
-        assert 0 < len(bare.marked_m) < len(whole.marked_m)
-        assert np.isnan(bare.marked_m2).all()

@@ -59,13 +59,17 @@ def test_each_setting_has_the_rows_that_it_has_alone(disturbance):
 
 def test_a_metric_reads_the_same_whatever_else_is_asked_for():
     """Velocities, and covariances, are summed up where a metric reads them alone."""
-    p, v, c = "position_rmse", "velocity_rmse", "consistency"
-    alone_p, alone_v, both, whole = (job_rows(cell_of(metrics=of), DRAWS)[0] for of in ([p], [v], [p, v], [p, c]))
+    p, v, c, o = "position_rmse", "velocity_rmse", "consistency", "outage"
+    alone_p, alone_v, both = (job_rows(cell_of(metrics=of), DRAWS)[0] for of in ([p], [v], [p, v]))
+    outage = {"name": "gnss_outage", "windows_s": [[7, 9]]}
+    bare, whole = (job_rows(cell_of(metrics=of, disturbance=outage), DRAWS)[0] for of in ([p, v, o], [p, v, o, c]))
 
     assert both == [one | other for one, other in zip(alone_p, alone_v, strict=True)]
     assert all(row["velocity_rmse_mps"] > 0.0 for row in both)
-    for own, row in zip(alone_p, whole, strict=True):
-        assert own["position_rmse_m"] == pytest.approx(row["position_rmse_m"], rel=1e-12)
+    for own, row in zip(bare, whole, strict=True):
+        assert own["outage_end_m"] > 0.0
+        numbers = {name: value for name, value in own.items() if isinstance(value, float)}
+        assert {name: row[name] for name in numbers} == pytest.approx(numbers, rel=1e-12, nan_ok=True)
 
 
 @dataclasses.dataclass(frozen=True)
