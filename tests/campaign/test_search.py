@@ -125,17 +125,6 @@ def test_an_interrupted_search_goes_on_where_it_was_with_the_same_result(tmp_pat
     assert np.array_equal(resumed.trials.runs, whole.trials.runs)
 
 
-@pytest.mark.parametrize("damage", [b"", b"PAR1"])
-def test_a_damaged_block_is_run_again(tmp_path, damage, evaluator_of):
-    cell = cell_of()
-    cases = by_seeds([cell], Seeds(1, 0, 1))
-    first = search(evaluator_of(cell, folder=tmp_path), cases, Budget(3))
-    (path,) = tmp_path.rglob("*.parquet")
-    path.write_bytes(damage)
-
-    assert search(evaluator_of(cell, folder=tmp_path), cases, Budget(3)).setting == first.setting
-
-
 def test_the_setting_before_the_search_is_one_of_the_trials_and_another_restart_another_scramble(
     evaluator_of, tmp_path
 ):
@@ -188,18 +177,3 @@ def test_the_best_on_an_edge_is_told_whole_numbers_stay_whole_and_no_range_is_re
     assert isinstance(applied.method.adaptation.window, int)
     assert applied.method.filter.accel_mps2 == pytest.approx(np.sqrt(0.01 * 10.0))
     assert applied.spec["adaptation"]["window"] == 7
-
-
-@pytest.mark.parametrize("edited", ["plugin_digest", "code_digest"])
-def test_an_edited_plugin_gets_none_of_its_old_losses(edited, monkeypatch, tmp_path, evaluator_of):
-    cell, ran = cell_of(), []
-    cases, original = by_seeds([cell], Seeds(2, 0, 2)), loop.work
-    monkeypatch.setattr(loop, "work", lambda task, **how: ran.append(len(task.jobs)) or original(task, **how))
-    for _ in range(2):
-        search(evaluator_of(cell, folder=tmp_path), cases, Budget(2))
-    assert ran == [2]  # the setting before the search is the plain filter's
-
-    monkeypatch.setattr("jerkbench.jobs.key." + edited, lambda *_: "an edit")
-    search(evaluator_of(cell, folder=tmp_path), cases, Budget(2))
-
-    assert ran == [2, 2]

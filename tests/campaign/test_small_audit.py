@@ -13,7 +13,6 @@ from test_audit_answer import same_as_in_pandas
 from commands import PATIENCE_S, environment, verb
 from jerkbench.campaign.answer import answered
 from jerkbench.campaign.audit import read_rows
-from jerkbench.errors import JerkbenchError
 
 PROTOCOL = """\
 defaults: [small, _self_]
@@ -84,14 +83,3 @@ def test_a_killed_audit_goes_on_and_comes_out_the_same(alone, tmp_path):
 @pytest.mark.slow
 def test_every_number_of_the_small_audit_is_that_of_pandas(alone):
     same_as_in_pandas(answered(read_rows(alone)))
-
-
-@pytest.mark.slow
-def test_a_protocol_that_was_changed_afterwards_is_refused(alone, tmp_path):
-    for path in alone.glob("*.*"):
-        (tmp_path / path.name).write_bytes(path.read_bytes())
-    text = (tmp_path / "protocol.json").read_text(encoding="utf-8")
-    (tmp_path / "protocol.json").write_text(text.replace('"margin": 0.1', '"margin": 0.2'), encoding="utf-8")
-
-    with pytest.raises(JerkbenchError, match=r"protocol\.json was changed"):
-        read_rows(tmp_path)

@@ -5,7 +5,6 @@ import json
 import platform
 import shutil
 import sys
-import time
 
 import pandas as pd
 import pytest
@@ -63,41 +62,6 @@ def test_an_entry_has_a_line_a_table_and_both_settings_and_is_what_it_says(made)
     done = verb("suite", "verify", str(made[2]), cwd=made[0])
     assert done.returncode == 0, done.stdout
     assert "8 rows of the entry were computed again" in done.stdout
-
-
-def runs_in(paths):
-    """The stored runs, each with the time when it was made."""
-    table = pd.concat([pd.read_parquet(path, columns=["cell.key", "seed", "cell.created"]) for path in paths])
-    return (
-        table.astype({"cell.key": str, "cell.created": str})
-        .set_index(["cell.key", "seed"])["cell.created"]
-        .sort_index()
-    )
-
-
-def test_the_same_command_goes_on_where_it_was(made):
-    folder, out, entry = made
-    before = list((entry / "runs").rglob("part-*"))
-    made_at = runs_in(before)
-    rows = (entry / "rows.parquet").read_bytes()
-    lost = before[0]
-    runs = runs_in([lost]).index
-    lost.unlink()
-    time.sleep(1.0)  # what is stored says to the second when it was made
-
-    done = verb("suite", "run", "filter=baseline", "adaptation=chi2", *TINY, cwd=folder)
-
-    made_again_at = runs_in((entry / "runs").rglob("part-*"))
-    assert made_again_at.index.equals(made_at.index)
-    again = made_again_at != made_at
-    assert set(again.index[again]) == set(runs)  # what was lost, and nothing else
-    numbers = ["position_rmse_m", "anees", "status", "seed"]
-    pd.testing.assert_frame_equal(
-        pd.read_parquet(entry / "rows.parquet")[numbers],
-        pd.read_parquet(pd.io.common.BytesIO(rows))[numbers],
-        rtol=1e-12,
-    )
-    assert done.stdout == out
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import pytest
 
 from jerkbench.jobs import progress as progress_module
 from jerkbench.jobs.executors import ClusterError, Pool
-from jerkbench.jobs.progress import Progress, duration, pulse
+from jerkbench.jobs.progress import Progress, pulse
 from jerkbench.jobs.run import outcomes, run_chunk
 
 
@@ -137,8 +137,3 @@ def test_a_pipe_hears_how_far_it_is(capsys, monkeypatch):
             time.sleep(0.01)
             err += capsys.readouterr().err
     assert line[0].endswith("left; 1 runs diverged.")
-
-
-@pytest.mark.parametrize(("seconds", "said"), [(40.4, "40 s"), (180, "3 min"), (9000, "2.5 h")])
-def test_times_are_said_as_people_do(seconds, said):
-    assert duration(seconds) == said

@@ -1,7 +1,6 @@
 """The store where things go wrong: killed processes, two at once, damage, no room, a plugin that is another now."""
 
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -11,9 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from commands import PATIENCE_S, SHORT, alive, children_of, environment, swept, verb
+from commands import PATIENCE_S, SHORT, alive, children_of, environment, swept
 from jerkbench.jobs.store import Store
-from stored_cells import drop, keys_of
+from stored_cells import keys_of
 
 CELLS = ["filter=baseline,jerk,gnss_only", "disturbance=none,imu_bias", "noise.accel_mps2=0.1,0.2"]
 WORDS = ["run", "-m", *SHORT[:-1]]
@@ -84,23 +83,6 @@ def test_two_processes_in_one_folder_give_the_rows_of_one(undisturbed, tmp_path)
     pd.testing.assert_frame_equal(rows_of(tmp_path), undisturbed[0], check_exact=True)
     left = {path.name for path in (tmp_path / "results" / "adhoc" / "cells").iterdir() if path.suffix != ".parquet"}
     assert left == set()
-
-
-@pytest.mark.slow
-def test_a_damaged_cell_is_run_again_and_that_is_said(tmp_path):
-    swept(*CELLS[:1], cwd=tmp_path)
-    store = Store(tmp_path / "results" / "adhoc")
-    drop(store, ())  # which leaves a file for each cell
-    path = next(path for path in store.folder.iterdir() if path.stat().st_size > 0)
-    data = bytearray(path.read_bytes())
-    data[200] ^= 255
-    path.write_bytes(data)
-    shown = verb("table", "results/adhoc", cwd=tmp_path)
-    assert f"1 damaged file of results is left out: {path.stem}." in shown.stdout
-    again = swept(*CELLS[:1], cwd=tmp_path)
-    assert f"1 damaged file of results is renamed to *.damaged: {path.stem}." in again.stderr
-    assert re.search("[12] of 3 combinations are already complete", again.stderr)
-    assert "damaged" not in verb("table", "results/adhoc", cwd=tmp_path).stdout
 
 
 def limited(blocks, *words, cwd):
