@@ -238,12 +238,13 @@ def test_an_experiment_may_not_take_a_choice_away(loader, folder):
         together(loader, [["experiment=mine", "filter=jerk"]])
 
 
-def test_addressed_parameters_go_to_the_jobs_that_choose_their_plugin(loader):
+@pytest.mark.parametrize("name", ["baseline", "baseline_untuned"])
+def test_addressed_parameters_go_to_the_jobs_that_choose_their_plugin_or_preset(loader, name):
     jobs = grid(
         disturbance=["none", "gnss_outage"],
         disturbance__gnss_outage__heading=["true", "false"],
         filter=["baseline_untuned", "jerk"],
-        filter__baseline__accel_mps2=["0.5"],
+        **{f"filter.{name}.accel_mps2": ["0.5"]},
     )
     fitted = [one.overrides for one in compose_jobs(loader, base(loader), jobs)]
 

@@ -1,10 +1,9 @@
 """Overrides: ranges, types of swept values, text for programs, and parameters of named plugins."""
 
-import pandas as pd
 import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from commands import SHORT, swept, verb
+from commands import SHORT, verb
 from hydra_plugins.jerkbench import JerkbenchSweeper
 from jerkbench import api
 from jerkbench.cli.recordings import _parameters, dataset_of
@@ -92,26 +91,6 @@ def test_the_words_of_run_describe_the_same_cell():
     assert cell.labels.filter == "mine(program)"
     assert cell.spec["filter"]["command"] == "sh {out}"
     assert cell.draws == range(2)
-
-
-@pytest.mark.slow
-def test_a_parameter_applies_where_its_plugin_is_chosen(tmp_path):
-    swept("adaptation=none,mtf,student_t", "adaptation.mtf.window=1,4", "filter=jerk", cwd=tmp_path)
-
-    found = sorted(pd.read_csv(tmp_path / "results" / "adhoc" / "rows.csv")["adaptation"])
-    assert found == ["mtf(window=1)", "mtf(window=4)", "none", "student_t"]
-
-
-@pytest.mark.slow
-def test_a_preset_is_addressed_by_its_own_name_and_by_that_of_its_plugin(tmp_path):
-    words = ["filter=baseline_untuned,jerk", "filter.baseline_untuned.accel_mps2=0.3", "filter.jerk.accel_mps2=0.1,0.2"]
-    swept(*words, cwd=tmp_path)
-    swept("filter=baseline_untuned", "filter.baseline.accel_mps2=0.4", "study=plugin", cwd=tmp_path)
-    named = sorted(pd.read_csv(tmp_path / "results" / "adhoc" / "rows.csv")["filter"])
-
-    assert named == ["baseline_untuned(accel_mps2=0.3)", "jerk(accel_mps2=0.1)", "jerk(accel_mps2=0.2)"]
-    (other,) = pd.read_csv(tmp_path / "results" / "plugin" / "rows.csv")["filter"]
-    assert other == "baseline_untuned(accel_mps2=0.4)"
 
 
 @pytest.mark.slow
