@@ -156,23 +156,10 @@ def test_a_title_says_data_set_disturbance_and_seed(one, said, make_short):
     assert with_title(make_short("a"), one, 7).name == said
 
 
-def test_a_long_title_and_one_with_many_parameters_have_a_few_lines(make_short):
-    name = with_title(make_short("a " * 50), cell(FIELD, {"name": "imu_bias"}), 7).name
-    assert name.endswith("imu_bias, seed 7")
-    assert max(map(len, name.split("\n"))) <= 70
-    labels = cell(FIELD, {"name": "none"}).labels._replace(disturbance=f"gnss_outage(windows_s={MANY['windows_s']})")
-    name = with_title(make_short("field"), replace(cell(FIELD, MANY), labels=labels), 7).name
-    assert name == "field, gnss_outage, seed 7"
-    assert with_title(make_short("word " * 200), cell(FIELD, MANY), 7).name.count("\n") < 4
-
-
 @pytest.fixture(scope="module")
 def make_short():
     recording, _ = run_seed(cell(FIELD, {"name": "none"}), 7)
     return lambda name: replace(recording, name=name)
-
-
-MANY = {"name": "gnss_outage", "windows_s": [[10.0 * k, 10.0 * k + 5.0] for k in range(38)]}
 
 
 def test_names_of_files_are_short_and_the_same_for_the_same_labels():

@@ -57,34 +57,16 @@ def test_axe_finds_nothing_serious(screen):
     assert [one for one in violations if one[0] in {"serious", "critical"}] == []
 
 
-@pytest.fixture
-def on_paper(opened):
-    """The page as it is printed on A4."""
-    a4 = {"width": 718, "height": PAGE_PX, "deviceScaleFactor": 1, "mobile": False}
-    opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", a4)
-    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
-    return opened
-
-
-@pytest.mark.slow
-def test_on_paper_tables_are_tables_with_a_head_for_each_column(on_paper):
-    of_line = (
-        "return [...document.querySelectorAll('#review tr')].map((line) => [getComputedStyle(line).display,"
-        " [...line.children].filter((one) => getComputedStyle(one).display === 'table-cell').length])"
-    )
-    lines = on_paper.execute_script(of_line)
-    assert {display for display, _ in lines} == {"table-row"}
-    assert len({cells for _, cells in lines}) == 1
-    assert lines[0][1] > 2
-
-
 PAGE_PX = 1047
 """Height of the text on A4, as Chromium prints it."""
 
 
 @pytest.mark.slow
-def test_on_paper_the_table_stands_before_the_details_and_each_figure_fits_a_page(on_paper):
-    on_paper.execute_script("window.dispatchEvent(new Event('beforeprint'))")
+def test_on_paper_the_table_stands_before_the_details_and_each_figure_fits_a_page(opened):
+    a4 = {"width": 718, "height": PAGE_PX, "deviceScaleFactor": 1, "mobile": False}
+    opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", a4)
+    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    opened.execute_script("window.dispatchEvent(new Event('beforeprint'))")
     measured = (
         "const top = (id) => document.getElementById(id).getBoundingClientRect().top;"
         "const open = [...document.querySelectorAll('main details[open]')];"
@@ -92,7 +74,7 @@ def test_on_paper_the_table_stands_before_the_details_and_each_figure_fits_a_pag
         " [...document.querySelectorAll('figure')].map((one) => one.getBoundingClientRect().height),"
         " document.querySelectorAll('#section-findings details:not([open])').length]"
     )
-    table, details, figures, closed = on_paper.execute_script(measured)
+    table, details, figures, closed = opened.execute_script(measured)
     assert closed == 0
     assert details
     assert all(table < top for top in details)

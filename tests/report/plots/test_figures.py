@@ -7,12 +7,10 @@ import made_runs
 import numpy as np
 import pytest
 from made_runs import T_S, N, bare_recording, broken_estimate, make_estimate, moved
-from matplotlib.image import imread
 
 from jerkbench import plugins
 from jerkbench.evaluation.evaluated_run import evaluate_run
 from jerkbench.report.plots.runs import error_figure, trajectory_figure
-from jerkbench.report.plots.style import save_figure
 
 make_recording = partial(made_runs.make_recording, outages_s=np.array([[10.0, 15.0], [20.0, 22.0]]))
 
@@ -98,12 +96,3 @@ def test_everything_is_inside_and_the_legend_apart(draw, count, length, estimate
         assert whole.x0 - 1 <= box.x0 < box.x1 <= whole.x1 + 1
         assert whole.y0 - 1 <= box.y0 < box.y1 <= whole.y1 + 1
     assert legend.y1 <= min(box.y0 for box in boxes) + 1
-
-
-@pytest.mark.parametrize("draw", [trajectory_figure, error_figure])
-@pytest.mark.parametrize("estimate", [broken_estimate(), make_estimate(rows=slice(0))])
-@pytest.mark.parametrize("recording", [make_recording(), bare_recording()])
-def test_odd_runs_are_drawn_without_a_warning(draw, estimate, recording, tmp_path):
-    save_figure(draw(recording, {"one": estimate}), tmp_path / "new" / "figure.png")
-    assert imread(tmp_path / "new" / "figure.png").std() > 0.01
-    assert [path.name for path in (tmp_path / "new").iterdir()] == ["figure.png"]

@@ -66,6 +66,7 @@ def texts(axes):
 
 def figures(recording, estimates):
     return {
+        "errors": error_figure(recording, estimates),
         "inclination": inclination_figure(recording, estimates),
         "trajectory": trajectory_figure(recording, estimates),
         "consistency": consistency_figure([(recording, one) for one in estimates.values()], "jerk"),
@@ -207,7 +208,6 @@ def test_a_dollar_in_a_label_of_a_run_is_a_dollar(tmp_path):
     drawn = {
         **figures(recording, estimates),
         "consistency": consistency_figure([(recording, one) for one in estimates.values()], FORMULA),
-        "errors": error_figure(recording, estimates),
         "overview": overview_figure(recording),
     }
     for name, figure in drawn.items():

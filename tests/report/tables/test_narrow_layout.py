@@ -44,16 +44,6 @@ def test_no_interval_is_broken_and_no_line_is_too_long(table, width):
         assert ", ".join(values) in text or width == 400
 
 
-@pytest.mark.parametrize("width", [80, 100])
-def test_a_narrow_table_has_a_line_for_each_combination_below_the_labels_of_its_row(table, width):
-    lines = [line.rstrip() for line in re.sub(r"\x1b\[[0-9;]*m", "", printed(table, width)).splitlines()]
-    for values, cells in zip(table.rows, table.cells, strict=True):
-        below = lines[lines.index(", ".join(values)) + 1 :]
-        names = [name for name, cell in zip(table.columns, cells, strict=True) if cell is not None]
-        begin = [line.split()[0] for line in below if line.startswith("  ")][: len(names)]
-        assert begin == [name[0] for name in names]
-
-
 def test_without_a_terminal_there_are_no_colours_and_with_no_color_none_either(table, monkeypatch):
     study = str(ROOT / "results" / "paper20")
     assert "\x1b" not in verb("table", study, cwd=ROOT).stdout

@@ -162,23 +162,6 @@ def test_phases_have_a_range_and_no_confidence_interval(cell_rows):
     assert "BCa" not in said
 
 
-@pytest.mark.parametrize(
-    ("statuses", "text"),
-    [
-        (["diverged"] * 4, "diverged 4/4"),
-        (["failed"] * 4, "failed 4/4"),
-        (["diverged", "failed", "failed", "failed"], "diverged 1/4, failed 3/4"),
-        (["ok", "ok", "ok", "failed"], "2.00 (1/4 failed)"),
-    ],
-)
-def test_what_went_wrong_is_in_the_cell(cell_rows, statuses, text):
-    frame = pd.DataFrame(cell_rows("jerk", "none", [2.0] * 4)).assign(status=statuses, reason="ValueError: no.")
-    table = summarise(frame, "position_rmse_m")
-    cell = table.cells[0][0]
-    assert f"{cell.number} {cell.trouble}".strip() == text
-    assert ("Failed: ValueError: no." in table.footnotes) == ("failed" in statuses)
-
-
 def test_runs_without_the_metric_are_counted(cell_rows):
     frame = pd.DataFrame(
         [*cell_rows("jerk", "a", [1.0, 1.1, np.nan, np.nan, np.nan]), *cell_rows("jerk", "b", [3.0] * 5)]
@@ -202,6 +185,8 @@ def test_runs_without_the_metric_are_counted(cell_rows):
         (["ok", "ok", "diverged", "failed"], [np.nan, np.nan, 9.0, np.nan], "n/a (1/4 diverged, 1/4 failed)"),
         (["diverged", "diverged", "failed", "failed"], [np.nan] * 4, "diverged 2/4, failed 2/4"),
         (["ok"] * 4, [np.nan] * 4, "n/a"),
+        (["diverged"] * 4, [2.0] * 4, "diverged 4/4"),
+        (["failed"] * 4, [2.0] * 4, "failed 4/4"),
     ],
 )
 @pytest.mark.parametrize("replicate", ["seed", "phase"])
