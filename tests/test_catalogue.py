@@ -55,13 +55,6 @@ def test_a_parameter_has_its_default_origin_and_range_and_a_preset_its_values(tm
     assert "jerk" in done.stderr
 
 
-def test_the_defaults_make_the_plugin():
-    parameters = shown_json("filter", "jerk")["parameters"]
-    made = plugins.create("filter", {"name": "jerk", **{p["name"]: p["default"] for p in parameters}})
-
-    assert made == plugins.get("filter", "jerk")()
-
-
 METHODS = [
     (kind, name)
     for kind in ("filter", "adaptation")

@@ -75,12 +75,6 @@ def test_a_parameter_may_have_any_name():
     assert not list(plugins.misfits("adaptation", Near))
 
 
-def test_no_plugin_of_the_tree_is_near_a_part_that_it_has_not():
-    for kind in plugins.KINDS:
-        for name in plugins.names(kind):
-            assert not list(plugins.misfits(kind, plugins.get(kind, name))), (kind, name)
-
-
 SAY = "from jerkbench.notices import notify; notify('compiling a', 'a'); notify('waiting for a', 'a'); notify('b')"
 
 

@@ -115,13 +115,6 @@ def test_the_sweep_of_outages_has_a_seed_for_each_phase():
     assert one.labels.disturbance == "outage_sweep(length_s=30)"
 
 
-@pytest.mark.parametrize("attitude", ["gyro_only", "reference"])
-def test_attitudes_and_the_path_are_chosen_by_name(attitude):
-    one = job_of_words("dataset=path", "dataset.waypoints_m=[[0,0],[9,0]]", f"attitude={attitude}")
-    assert one.scenario.dataset.waypoints_m == ((0, 0), (9, 0))
-    assert one.spec["attitude"]["name"] == attitude
-
-
 def test_two_of_the_same_disturbance_under_keys_of_their_own():
     words = ["disturbance=imu_bias", "+disturbance@disturbance.second=imu_bias", "disturbance.second.stream=second"]
     first, second = job_of_words(*words).scenario.disturbances
@@ -156,15 +149,6 @@ def test_a_preset_of_ones_own_is_listed_shown_and_inspected(tmp_path, own):
     assert "duration_s: 14" in said(tmp_path, "show", "dataset", "mine", *own)
     assert "14.00 s" in said(tmp_path, "data", "inspect", "mine", *own)
     said(tmp_path, "data", "convert", "mine", "mine.csv", *own)
-
-
-def test_a_preset_of_ones_own_runs_alone_and_in_a_sweep(tmp_path, own):
-    words = ["dataset=mine", "noise=loud", *QUICK]
-    alone = said(tmp_path, "run", *own, *words)
-    swept = said(tmp_path, "run", "-m", "filter=gnss_only,jerk", *words, *own)
-
-    assert "mine" in alone
-    assert "mine" in swept
 
 
 def test_a_preset_of_ones_own_is_exported_scored_and_tuned(tmp_path, own):

@@ -6,8 +6,6 @@ import sys
 import pytest
 
 from commands import environment, verb
-from jerkbench.campaign.split import Seeds
-from jerkbench.errors import PluginError
 
 
 def shell(line, cwd):
@@ -35,11 +33,6 @@ def test_a_date_that_is_none_is_refused_at_once(tmp_path, monkeypatch):
     done = verb("list", cwd=tmp_path)
     assert done.returncode == 2
     assert "SOURCE_DATE_EPOCH is 'x'" in done.stderr
-
-
-def test_more_seeds_than_can_be_run_are_refused_at_once():
-    with pytest.raises(PluginError, match="at most 100000"):
-        Seeds(test=2147483648)
 
 
 @pytest.mark.parametrize(

@@ -17,14 +17,6 @@ def study(tmp_path_factory):
     return folder / "results" / "adhoc"
 
 
-@pytest.mark.slow
-def test_a_row_is_run_again_with_the_same_numbers(study):
-    done = verb("rerun", str(study), "3", cwd=study)
-    assert done.returncode == 0, done.stdout
-    assert "0 of " in done.stdout
-    assert " numbers differ." in done.stdout
-
-
 def changed_copy(study, folder, factor, count=None):
     """Store ``count`` cells of ``study`` (default: all) below ``folder``, with other position errors; returns where."""
     for one in Store(study).read()[0][:count]:
@@ -77,19 +69,6 @@ def test_exported_quaternions_are_the_attitude(study, tmp_path):
     assert np.sqrt(np.mean(angle**2)) == pytest.approx(np.sqrt(squares), rel=0.02)  # the angles are small
 
 
-def test_compare_tells_a_machine(study, tmp_path):
-    same = verb("compare", str(study), str(study), "--fail-above", "0", cwd=tmp_path)
-    assert same.returncode == 0
-    assert "0 of 8 combinations fail (allowed: 0 %)." in same.stdout
-    higher = changed_copy(study, tmp_path, 1.1)
-    for percent, code, count in (("9", 3, 8), ("11", 0, 0)):
-        done = verb("compare", str(study), str(higher), "--fail-above", percent, "--format", "md", cwd=tmp_path)
-        assert done.returncode == code
-        assert done.stdout.startswith("## Position RMSE (3-D) [m]\n\n| disturbance ")
-        assert f"{count} of 8 combinations fail (allowed: {percent} %)." in done.stdout + done.stderr
-        assert "×1.10" in done.stdout  # noqa: RUF001
-
-
 def test_a_gate_does_not_pass_what_it_cannot_judge(study, tmp_path):
     one = changed_copy(study, tmp_path, 1.0, count=1)
     done = verb("compare", str(study), str(one), "--fail-above", "50", cwd=tmp_path)
@@ -138,19 +117,6 @@ def test_what_cannot_be_done_is_a_sentence(study, words, said):
     done = verb(words[0], str(study), *words[1:], cwd=study)
     assert done.returncode == 2
     assert said in done.stderr
-
-
-def test_findings_are_of_the_baseline_that_was_asked_for(study):
-    usual, asked = (
-        verb("table", str(study), "--findings", *words, cwd=study).stdout.splitlines()
-        for words in ((), ("--baseline", "disturbance=gnss_outage"))
-    )
-    assert len(asked) == 4
-    assert not set(asked) & set(usual)
-    assert all("gnss_outage+" in line for line in asked)
-    wrong = verb("table", str(study), "--findings", "--baseline", "disturbance=imu_bias", cwd=study)
-    assert wrong.returncode == 2
-    assert "gnss_outage" in wrong.stderr
 
 
 def test_ten_findings_are_printed_and_all_on_request(tmp_path):
