@@ -39,8 +39,7 @@ from jerkbench.inspection.noise import understated_noise
 from jerkbench.io.frames import UPRIGHT, UPRIGHT_SHARE, felt_axis, gravity_share
 from jerkbench.recording import GRAVITY_MPS2, Imu, Position, Recording
 
-MIN_FIT = 0.5
-MIN_GAIN = 0.4
+MIN_FIT, MIN_GAIN = 0.5, 0.4
 """Minimum mean correlation with the corrected axes, and its minimum gain over the axes as given."""
 
 MIN_WEAK_STRENGTH, MIN_WEAK_GAIN = 10.0, 0.3
@@ -236,13 +235,11 @@ def _against(turning: Turning | None) -> str:
 
 
 _LENGTHS_S = (1.0, 8.0, 32.0)
-"""Lengths of the windows [s]. With slow or coarse fixes, a direction is known over half a minute but not over a second.
-"""
+"""Lengths of the windows [s]. With slow or coarse fixes, a direction is known over half a minute, not over a second."""
 
 _MIN_ROWS = 20
 
-MIN_COSINE = 0.9
-COSINE_GAIN = 0.2
+MIN_COSINE, COSINE_GAIN = 0.9, 0.2
 """Minimum cosine between the corrected series and the fixes, and its minimum gain over the axes as given."""
 
 WAY_S = 5.0
@@ -388,8 +385,7 @@ def _reversed_angles(
 # Mistakes in the preparation of a log, found by comparisons of its streams.
 
 TOLERANCE = 0.25
-"""Maximum difference between 1 and the median of |f|/g after the correction (rough road, scale error).
-"""
+"""Maximum difference between 1 and the median of |f|/g after the correction (rough road or scale error)."""
 
 
 def diagnoses(recording: Recording, lags: list[Lag] | None = None) -> list[Diagnosis]:
