@@ -8,23 +8,21 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import RecordingError
-from jerkbench.geometry import ecef_to_geodetic, ecef_to_origin, enu_axes, enu_to_geodetic
+from jerkbench.geometry import ecef_to_geodetic, ecef_to_origin, enu_axes
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S
 from jerkbench.io.columns import Columns, times_ns
 from jerkbench.io.sanitiser import MAX_DATE_NS, possible_rows
-from jerkbench.io.text import Line, TextFormat, is_number, read_lines, read_text
-from jerkbench.recording import Origin
+from jerkbench.io.text import Line, TextFormat, read_lines, read_text
 
 if TYPE_CHECKING:
     import pandas as pd
 
 # Solutions of RTKLIB. The last comment of a .pos file names the columns, which depend on RTKLIB's output options.
 
-_CLOCKS = ("GPST", "UTC", "JST")
+_CLOCKS = ("GPST", "UTC")
 _FRAMES = {
     "latitude(deg)": ("latitude(deg) longitude(deg) height(m)", "neu"),
     "x-ecef(m)": ("x-ecef(m) y-ecef(m) z-ecef(m)", "xyz"),
-    "e-baseline(m)": ("e-baseline(m) n-baseline(m) u-baseline(m)", "enu"),
 }
 """For the first column of each position format: the three columns, and the letters of the axes."""
 
@@ -35,11 +33,7 @@ _COLUMNS = (
 """Example of a header, for positions in degrees and with velocities."""
 
 _SEPARATORS = str.maketrans(",;\t", "   ")
-_JST_NS = 9 * 3600 * 1_000_000_000
-_ENU_FROM = {"neu": [1, 0, 2], "enu": [0, 1, 2], "xyz": [0, 1, 2]}
-"""Indices of east, north, up in the axes of the file; x, y, z are rotated later, depending on the position."""
-
-_CROSSED = {axes: [*axes, *(axes[k] + axes[(k + 1) % 3] for k in range(3))] for axes in _ENU_FROM}
+_CROSSED = {axes: [*axes, *(axes[k] + axes[(k + 1) % 3] for k in range(3))] for _, axes in _FRAMES.values()}
 """The letters in the names of the six standard deviations: a, b, c, ab, bc, ca for the axes a, b, c."""
 
 POS_POSITION = ("latitude", "longitude", "height")
@@ -55,11 +49,10 @@ POS_QUALITY = "quality"
 def read_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> tuple["pd.DataFrame", tuple[str, ...]]:
     """Read a .pos file of RTKLIB. Return the table, and notes about dropped rows.
 
-    Times may be in GPST, UTC or JST, as dates or as week and time of week. Positions may be in decimal degrees, in
-    ECEF, or relative to a base station whose position is in the header. Velocities are optional, and the columns may be
-    separated by white space, a comma or a semicolon. The table has the columns t (UTC), `POS_POSITION`, `POS_QUALITY`
-    and `POS_COVARIANCE`. If the file has velocities, the table also has `POS_VELOCITY` and `POS_VELOCITY_COVARIANCE`.
-    Velocities and covariances are in ENU at each fix.
+    Times may be in GPST or UTC, as dates or as week and time of week. Positions may be in decimal degrees or in ECEF.
+    Velocities are optional, and the columns may be separated by white space, a comma or a semicolon. The table has the
+    columns t (UTC), `POS_POSITION`, `POS_QUALITY` and `POS_COVARIANCE`. If the file has velocities, the table also has
+    `POS_VELOCITY` and `POS_VELOCITY_COVARIANCE`. Velocities and covariances are in ENU at each fix.
 
     A truncated first or last line is dropped. For each covariance c, RTKLIB writes sd, the square root of |c| with the
     sign of c. The reader therefore computes c = sd |sd|.
@@ -82,7 +75,7 @@ def read_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> tuple["p
     utc_ns = _utc_ns(columns, clock, gpst_minus_utc_s)
     columns.stamped(utc_ns).require_increasing()
     table, axes = pd.DataFrame(dict(zip(names, columns.finite(names).T, strict=True))), _FRAMES[names[0]][1]
-    places, turns = _places(path, comments, table)
+    places, turns = _places(table)
     possible, impossible = possible_rows(path.name, places=places, utc_ns=utc_ns)
     known = {"t": pd.to_datetime(utc_ns, utc=True), **dict(zip(POS_POSITION, places.T, strict=True))}
     known |= {POS_QUALITY: table["Q"]} | _covariance(POS_COVARIANCE, table, "sd{}(m)", turns)
@@ -121,27 +114,18 @@ def _header(path: Path, comments: Sequence[Line]) -> tuple[str, list[str]]:
     number, text = comments[-1] if comments else (1, "no line that starts with %")
     raise RecordingError(
         f"{path}, line {number}: the header is '{' '.join(text.split())}', but a header such as '% {_COLUMNS}' is"
-        " needed; let RTKLIB write the header (out-outhead=on), and angles in decimal degrees (out-degform=deg)."
+        " needed; let RTKLIB write the header (out-outhead=on), and positions in ECEF or in decimal degrees"
+        " (out-degform=deg)."
     )
 
 
-def _places(path: Path, comments: Sequence[Line], table: "pd.DataFrame") -> tuple[FloatArray, FloatArray]:
+def _places(table: "pd.DataFrame") -> tuple[FloatArray, FloatArray]:
     """Return positions (m, 3) (latitude [deg], longitude [deg], height [m]), and rotations (m, 3, 3) to ENU."""
     names, axes = _FRAMES[table.columns[0]]
     position = np.array(table[names.split()])
-    turns = np.tile(np.eye(3)[_ENU_FROM[axes]], (len(table), 1, 1))
     if axes == "xyz":
         return ecef_to_geodetic(position), np.array([enu_axes(ecef_to_origin(ecef_m)) for ecef_m in position])
-    if axes == "enu":
-        said = [text.lstrip("% ").partition(":") for _, text in comments]
-        reference = next((numbers.split() for name, _, numbers in said if name.strip() == "ref pos"), [])
-        if len(reference) != 3 or not all(map(is_number, reference)):
-            raise RecordingError(
-                f"{path} has baselines, but its header lacks the position of the base station (% ref pos : latitude"
-                " longitude height); let RTKLIB write positions in degrees or in ECEF."
-            )
-        return enu_to_geodetic(position, Origin(*map(float, reference))), turns
-    return position, turns
+    return position, np.tile(np.eye(3)[[1, 0, 2]], (len(table), 1, 1))
 
 
 def _columns(path: Path, separator: str, names: Sequence[str]) -> Columns:
@@ -184,7 +168,7 @@ def _utc_ns(columns: Columns, clock: str, gpst_minus_utc_s: float) -> IntArray:
             f"{columns.where}: the first columns are not {clock} stamps; expected a date and a time such as 2025/07/08"
             " 19:34:18.499, or a week and a time of week such as 2374 243258.499."
         )
-    ahead_ns = {"GPST": leap_ns, "UTC": 0, "JST": _JST_NS}[clock]
+    ahead_ns = leap_ns if clock == "GPST" else 0
     return np.where(dates_ns == MAX_DATE_NS, dates_ns, dates_ns - ahead_ns)
 
 

@@ -60,7 +60,6 @@ def solution_text(kind, time="GPST", separator=" ", velocity=True):
     position, axes = {
         "deg": ("latitude(deg) longitude(deg) height(m)", "neu"),
         "ecef": ("x-ecef(m) y-ecef(m) z-ecef(m)", "xyz"),
-        "baseline": ("e-baseline(m) n-baseline(m) u-baseline(m)", "enu"),
     }[kind]
     sds = [*axes, *(axes[k] + axes[(k + 1) % 3] for k in range(3))]
     names = [time.split()[0], *position.split(), "Q", "ns", *(f"sd{s}(m)" for s in sds), "age(s)", "ratio"]
@@ -70,7 +69,6 @@ def solution_text(kind, time="GPST", separator=" ", velocity=True):
         stamp = {
             "GPST": f"2025/07/08 19:34:{18 + second}.500",
             "UTC": f"2025/07/08 19:34:{second:02}.500",
-            "JST": f"2025/07/09 04:34:{second:02}.500",
             "GPST week": f"2374{separator}{243258.5 + second}",
         }[time]
         lat, lon, height = (float(v) for v in pymap3d.enu2geodetic(*enu, *AT))
@@ -78,17 +76,16 @@ def solution_text(kind, time="GPST", separator=" ", velocity=True):
         where = {
             "deg": f"{lat:.12f} {lon:.12f} {height:.6f}",
             "ecef": " ".join(f"{v:.6f}" for v in ecef),
-            "baseline": " ".join(map(str, enu)),
         }[kind]
-        v = {"neu": (1.5, -2.5, 0.25), "enu": (-2.5, 1.5, 0.25)}.get(axes) or pymap3d.enu2uvw(-2.5, 1.5, 0.25, *AT[:2])
+        v = (1.5, -2.5, 0.25) if axes == "neu" else pymap3d.enu2uvw(-2.5, 1.5, 0.25, *AT[:2])
         rest = [where, "1 9", *map(str, SD), "0 0", *(map(str, [*v, *SDV]) if velocity else [])]
         lines.append(stamp + separator + separator.join(" ".join(rest).split()))
     return "\n".join([*lines, ""])
 
 
 @pytest.mark.parametrize("separator", [" ", ",", "  ;", "\t"])
-@pytest.mark.parametrize("time", ["GPST", "UTC", "JST", "GPST week"])
-@pytest.mark.parametrize("kind", ["deg", "ecef", "baseline"])
+@pytest.mark.parametrize("time", ["GPST", "UTC", "GPST week"])
+@pytest.mark.parametrize("kind", ["deg", "ecef"])
 def test_whatever_rtklib_was_told_to_write_is_the_same_solution(tmp_path, kind, time, separator):
     solution = read(written(tmp_path, solution_text(kind, time, separator)))
     start = datetime(2025, 7, 8, 19, 34, 0, 500000, tzinfo=UTC)
@@ -103,7 +100,7 @@ def test_covariances_of_every_frame(tmp_path):
     a, b, c, ab, bc, ca = (s * abs(s) for s in SD)
     own = np.array([[a, ab, ca], [ab, b, bc], [ca, bc, c]])
     columns = [pymap3d.ecef2enu(*(np.array(pymap3d.geodetic2ecef(*AT)) + axis), *AT) for axis in np.eye(3)]
-    turns = {"deg": np.eye(3)[[1, 0, 2]], "baseline": np.eye(3), "ecef": np.array(columns).T}
+    turns = {"deg": np.eye(3)[[1, 0, 2]], "ecef": np.array(columns).T}
     for kind, turn in turns.items():
         solution = read(written(tmp_path, solution_text(kind)))
         np.testing.assert_allclose(covariances(solution)[0], turn @ own @ turn.T, atol=1e-11)
@@ -118,7 +115,7 @@ def cut(tmp_path, kind, *parts, **how):
     return paths
 
 
-@pytest.mark.parametrize("kind", ["deg", "ecef", "baseline"])
+@pytest.mark.parametrize("kind", ["deg", "ecef"])
 @pytest.mark.parametrize("parts", [([0, 1], [2]), ([0], [1], [2]), ([0, 1, 2],)])
 def test_files_one_after_the_other_are_the_whole_solution(tmp_path, kind, parts):
     joined = read_columns(cut(tmp_path, kind, *parts), TextFormat())
@@ -128,15 +125,12 @@ def test_files_one_after_the_other_are_the_whole_solution(tmp_path, kind, parts)
     np.testing.assert_allclose(joined.numbers(names), whole.numbers(names), atol=1e-10)
 
 
-def test_files_that_cannot_be_joined_and_a_baseline_from_nowhere_are_sentences(tmp_path):
+def test_files_that_cannot_be_joined_are_a_sentence(tmp_path):
     first, _ = cut(tmp_path, "deg", [0, 1], [2])
     text = solution_text("deg", velocity=False).splitlines()
     (tmp_path / "b.pos").write_text("\n".join([*text[:2], text[4]]))
     with pytest.raises(RecordingError, match="different numbers of columns"):
         read_columns((first, tmp_path / "b.pos"), TextFormat())
-    text = solution_text("baseline").split("\n", 1)[1]
-    with pytest.raises(RecordingError, match="degrees or in ECEF"):
-        read_pos(written(tmp_path, text))
 
 
 GOOD = ROW.format(ms=499)
@@ -147,7 +141,8 @@ GOOD = ROW.format(ms=499)
     [
         ("", "is empty"),
         (GOOD, "line 1: the header is 'no line that starts with %'"),
-        (HEADER.replace("GPST", "BDT") + GOOD, "line 2: the header is '% BDT latitude(deg)"),
+        (HEADER.replace("GPST", "JST") + GOOD, "line 2: the header is '% JST latitude(deg)"),
+        (HEADER.replace("latitude(deg)", "e-baseline(m)") + GOOD, "positions in ECEF or"),
         (
             HEADER.replace("latitude(deg)", "x-ecef(m)") + GOOD,
             "line 2: the header lacks y-ecef(m), z-ecef(m), sdx(m), ",
@@ -163,7 +158,10 @@ GOOD = ROW.format(ms=499)
         (HEADER + GOOD.replace("1601.5", "16#1.5"), "row 1, column height(m): '16#1.5' is not a number"),
         (HEADER + GOOD.replace("19:34", "19:99"), "row 1, column t: '2025-07-08 19:99:18.499' is not a date"),
         (HEADER + GOOD.replace("2025/07/08", "July"), "the first columns are not GPST stamps"),
-        (HEADER.replace("latitude(deg)", "latitude(d'\")") + GOOD, "angles in decimal degrees (out-degform=deg)"),
+        (
+            HEADER.replace("latitude(deg)", "latitude(d'\")") + GOOD,
+            "decimal degrees (out-degform=deg)",
+        ),
         (HEADER + GOOD + GOOD, "row 2: the time is not later than in the row above"),
     ],
 )
