@@ -213,12 +213,12 @@ def yaw_line(recording: Recording) -> str:
     return f"yaw: from the course of {len(selected.t_s)} velocities above {tilt.course_min_speed_mps:g} m/s"
 
 
-# Overview figure of a recording: track, speed, IMU measurements, stated sigmas of the receiver, Allan deviation.
+# Overview figure of a recording: track, speed, IMU measurements, stated sigmas of the receiver.
 
 MAX_POINTS = 4000
 """Maximum number of points of a line; more points are not visible at the size of the figure."""
 
-_TRACK, _SPEED, _SIGMA, _ALLAN = "North [m]", "Speed [m/s]", "Stated sigma of position [m]", "Allan deviation at rest"
+_TRACK, _SPEED, _SIGMA = "North [m]", "Speed [m/s]", "Stated sigma of position [m]"
 """Labels of the panels that are not simple plots over time."""
 
 _Line = tuple[FloatArray, FloatArray, dict[str, Any]]
@@ -232,7 +232,7 @@ def overview_figure(recording: Recording) -> Figure:
     figure = Figure(figsize=(10.0, 3.0 * max(rows, 1)), dpi=DOTS_PER_INCH, layout="constrained")
     for k, (label, lines) in enumerate(panels.items()):
         axes = figure.add_subplot(rows, 2, k + 1)
-        axes.set(ylabel=label, xlabel={_TRACK: "East [m]", _ALLAN: "Averaging time [s]"}.get(label, "Time [s]"))
+        axes.set(ylabel=label, xlabel="East [m]" if label == _TRACK else "Time [s]")
         for x, y, style in lines:
             every = 1 if "marker" in style else max(1, len(x) // MAX_POINTS)
             axes.plot(x[::every], y[::every], **style)
@@ -240,8 +240,6 @@ def overview_figure(recording: Recording) -> Figure:
         axes.legend(frameon=False, fontsize="small")
         if label == _TRACK:
             axes.set_aspect("equal", adjustable="datalim")
-        elif label == _ALLAN:
-            axes.set(xscale="log", yscale="log")
         else:
             for begin, end in recording.outages_s:
                 axes.axvspan(begin, end, color=SHADE, alpha=0.28, linewidth=0)
@@ -253,7 +251,7 @@ def overview_figure(recording: Recording) -> Figure:
 
 def _panels(recording: Recording) -> dict[str, list[_Line]]:
     """Return the lines of each panel, by the label of its vertical axis."""
-    imu, position, noise = recording.imu, recording.position, rest_noise(recording, longest_rest(recording))
+    imu, position = recording.imu, recording.position
     track, speed = _lines_of_track(recording)
     panels = {_TRACK: track, _SPEED: speed}
     if imu is not None:
@@ -263,9 +261,6 @@ def _panels(recording: Recording) -> dict[str, list[_Line]]:
         variances = np.diagonal(position.covariance_m2, axis1=1, axis2=2)
         values = np.sqrt(np.where(np.isfinite(position.enu_m), variances, np.nan))
         panels[_SIGMA] = _lines_of_axes(position.t_s, values, _AXES["enu"], 0.9)
-    if noise is not None:
-        worst = np.column_stack([noise.gyro_radps.max(axis=1), noise.accel_mps2.max(axis=1)])
-        panels[_ALLAN] = _lines_of_axes(noise.tau_s, worst, ("gyro [rad/s]", "accelerometer [m/s²]"), 1.5)
     return panels
 
 

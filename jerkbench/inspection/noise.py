@@ -70,9 +70,6 @@ class RestNoise(NamedTuple):
 
     Attributes:
         rest: rest in which the noise was measured.
-        tau_s: (k,) averaging times of the Allan deviation [s].
-        gyro_radps: (k, 3) Allan deviation of the gyro [rad/s].
-        accel_mps2: (k, 3) Allan deviation of the accelerometer [m/s2].
         angle_random_walk_deg_per_sqrt_h: angle random walk of the noisiest gyro axis [deg/sqrt(h)].
         velocity_random_walk_mps_per_sqrt_h: velocity random walk of the noisiest accelerometer axis [m/s/sqrt(h)].
         gyro_instability_deg_per_h: bias instability of the worst gyro axis [deg/h], which is the minimum of the Allan
@@ -82,9 +79,6 @@ class RestNoise(NamedTuple):
     """
 
     rest: Rest
-    tau_s: FloatArray
-    gyro_radps: FloatArray
-    accel_mps2: FloatArray
     angle_random_walk_deg_per_sqrt_h: float
     velocity_random_walk_mps_per_sqrt_h: float
     gyro_instability_deg_per_h: float
@@ -163,7 +157,7 @@ def rest_noise(recording: Recording, rest: Rest | None = None) -> RestNoise | No
     floors = np.degrees(_floor(gyro)) * 3600.0, _floor(accel) / GRAVITY_MPS2 * 1e3
     if rest.end_s - rest.begin_s < FLOOR_NEEDS_S:
         floors = float("nan"), float("nan")
-    return RestNoise(rest, tau_s, gyro, accel, *walks, *floors, nearest_grade(*walks))
+    return RestNoise(rest, *walks, *floors, nearest_grade(*walks))
 
 
 def allan_deviation(samples: FloatArray, interval_s: float) -> tuple[FloatArray, FloatArray]:
