@@ -59,6 +59,7 @@ def export_command(arguments: argparse.Namespace) -> None:
     """Write the trajectories of a stored run in the TUM format.
 
       jerkbench export results/first 1 --tum trajectories
+      jerkbench export results/first 12 --tum other_trajectories
 
     Raises:
         JerkbenchError: The row does not exist, its data have changed, or the run has no reference.
