@@ -12,6 +12,8 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
 
@@ -95,18 +97,22 @@ _SPAWN = multiprocessing.get_context("spawn")
 class LocalExecutor(Executor):
     """An executor with a process pool. If a process of the pool dies, a new pool replaces the pool.
 
-    Worker processes also end if the parent process dies.
+    Worker processes end as soon as the pipe to the parent process is closed. The function `shutdown` closes the pipe.
+    If the parent process dies, the operating system closes the pipe.
     """
 
     def __init__(self, workers: int) -> None:
+        self._children: set[BaseProcess] = set()
         self._workers = min(workers, 61) if sys.platform == "win32" else workers  # Windows allows at most 61 processes
         self._start()
 
     def _start(self) -> None:
-        self._pool = ProcessPoolExecutor(self._workers, _SPAWN, _start_worker)
+        self._reader, self._writer = _SPAWN.Pipe(duplex=False)
+        self._pool = ProcessPoolExecutor(self._workers, _SPAWN, _start_worker, (self._reader,))
 
     def submit(self, call: Callable[..., Any], /, *arguments: Any, **named: Any) -> Any:  # noqa: ANN401 - of the call
         """Submit a call to the process pool. If the pool is broken, a new pool is started first."""
+        before = {*multiprocessing.active_children()}
         with _without_script():
             try:
                 return self._pool.submit(call, *arguments, **named)
@@ -114,6 +120,8 @@ class LocalExecutor(Executor):
                 self.shutdown()
                 self._start()
                 return self._pool.submit(call, *arguments, **named)
+            finally:
+                self._children |= {*multiprocessing.active_children()} - before
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
         """Terminate the worker processes, also if calls are running.
@@ -121,12 +129,14 @@ class LocalExecutor(Executor):
         This method does not wait until the process pool has stopped. If a worker process is terminated while it writes
         a result, the process pool never stops.
         """
-        children = [*(self._pool._processes or {}).values()]  # noqa: SLF001 - public methods exist from Python 3.14 on
+        self._writer.close()
         self._pool.shutdown(wait=False, cancel_futures=cancel_futures)
-        for child in children:
+        for child in self._children:
             child.terminate()  # termination works even if compiled code holds the interpreter lock
-        for child in children if wait else ():
+        for child in self._children if wait else ():
             child.join(GRACE_S)
+        self._children.clear()
+        self._reader.close()
 
 
 @contextmanager
@@ -140,14 +150,13 @@ def _without_script() -> Iterator[None]:
         sys.modules["__main__"] = script
 
 
-def _start_worker() -> None:
+def _start_worker(reader: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process handles Ctrl-C
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_end_with_parent, args=(reader,), daemon=True).start()
 
 
-def _end_with_parent() -> None:
-    if parent := multiprocessing.parent_process():
-        parent.join()
+def _end_with_parent(reader: Connection) -> None:
+    reader.poll(None)  # blocks until the pipe is closed
     os._exit(1)
 
 
