@@ -32,7 +32,7 @@ MAX_CODE = {
     "inspection": 1755,
     "io": 2670,
     "jerkbench": 1726,
-    "jobs": 1699,
+    "jobs": 1705,
     "kinematic": 1309,
     "plugins": 738,
     "report": 2631,
