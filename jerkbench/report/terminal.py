@@ -28,14 +28,15 @@ MAX_NOTE_LINES = 3
 """Maximum number of lines of notes below a table without the option ``--notes``."""
 
 _IMPORTANCE = (
-    r"^These are the first|^Diverged or failed|^Failed: |damaged file|tuned on the seeds|versions of the code|^Worse",
+    r"^These are the first|^Diverged or failed|^Failed: |damaged file|tuned on the seeds|versions of the code",
+    r"left out|^Worse",
     r"95 % interval|one recording|^Tuned by",
     r"^(?!In every cell|Bold|\*: |gm: |n/a: |No interval|–: |×r|Not as published|Reference of .*: simulated)",  # noqa: RUF001
     r"significant",
 )
 """Patterns of notes, the most important notes for the interpretation of the numbers first.
 
-The third pattern matches notes about the recordings and the methods of a study.
+The fourth pattern matches notes about the recordings and the methods of a study.
 """
 
 _STYLES = {"best": "bold", "trouble": "red", "absent": "dim"}
