@@ -89,7 +89,7 @@ def test_every_figure_of_a_study_is_drawn(study, tmp_path):
     done = verb("figures", str(study), "--out", str(tmp_path), "--scenarios", "1", "--pdf", cwd=study)
     assert done.returncode == 0, done.stderr
     kinds = {path.stem.rsplit("_", 1)[-1].lstrip("-") for path in tmp_path.glob("*none*.pdf")}
-    named = ("errors", "trajectory", "three-sigma", "tilt", "consistency", "adapted-r")
+    named = ("errors", "trajectory", "three-sigma", "inclination", "consistency", "adapted-r")
     assert all(any(kind.endswith(name) for kind in kinds) for name in named)
     of_all = {f"{name}.png" for name in ("bars", "heat-map")}
     assert of_all <= {path.name for path in tmp_path.iterdir()}

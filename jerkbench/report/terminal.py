@@ -29,7 +29,7 @@ MAX_NOTE_LINES = 3
 
 _IMPORTANCE = (
     r"^These are the first|^Diverged or failed|^Failed: |damaged file|tuned on the seeds|versions of the code",
-    r"left out|^Worse",
+    r"left out|not independent|^Worse",
     r"95 % interval|one recording|^Tuned by",
     r"^(?!In every cell|Bold|\*: |gm: |n/a: |No interval|–: |×r|Not as published|Reference of .*: simulated)",  # noqa: RUF001
     r"significant",
