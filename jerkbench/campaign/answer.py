@@ -246,7 +246,7 @@ def judged_audit(folder: Path) -> AuditAnswer:
     """Compute the results of an audit from the runs in ``folder``, and write them to answer.json and to CSV tables.
 
     Raises:
-        JerkbenchError: The folder contains no audit, or the audit is incomplete or was changed.
+        JerkbenchError: The folder contains no audit, or the audit was changed.
     """
     answer = answered(read_rows(folder))
     for name in ("methods", "kinds", "apart"):

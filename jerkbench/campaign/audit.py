@@ -279,7 +279,7 @@ def read_audit_manifest(folder: Path) -> dict[str, Any]:
 
 
 def read_rows(folder: Path) -> AuditRows:
-    """Read the tables of the audit in ``folder``, and check that they are complete and unchanged.
+    """Read the tables of the audit in ``folder``, and check that they are unchanged.
 
     Raises:
         JerkbenchError: The folder contains no audit, a file was changed after it was written, or rows are missing.

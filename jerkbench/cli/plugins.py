@@ -2,12 +2,8 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from jerkbench.cli.arguments import OUTPUT_FORMAT, argument, command, print_json
-
-if TYPE_CHECKING:
-    pass
 
 
 @command(argument("kind", nargs="?", help="dataset, disturbance, attitude, filter, adaptation, ..."), OUTPUT_FORMAT)

@@ -138,6 +138,7 @@ def tune_all(overrides: Sequence[str], *, several: bool, compare: bool = False) 
     evaluators = [Evaluator(space_of(job, options.knobs, measured), objective, runs, threads) for job in first_jobs]
     cases = [cases_of(of_method, options, config["first_seed"]) for of_method in jobs]
     names = _names(first_jobs)
+    unused = _unused_runs(shared, options, jobs[0], drives, cases[0].next_seed) if compare else []
     with workers, Progress(len(names) * budget.trials, doing="Tuning", unit="settings") as progress:
         advance = partial(progress.advance, ())
         tunings = [tune(*method, budget, advance) for method in zip(names, cases, evaluators, strict=True)]
@@ -148,7 +149,6 @@ def tune_all(overrides: Sequence[str], *, several: bool, compare: bool = False) 
     print(tunings_table(tunings))
     print(f"\nSettings, presets and trials: {folder}")
     if compare:
-        unused = _unused_runs(shared, options, jobs[0], drives, tunings[0].cases.next_seed)
         prepared_app(take_folders(_comparison(tunings, methods, shared, unused, folder)))()
 
 
@@ -162,7 +162,8 @@ def _unused_runs(
     arguments = [f"first_seed={next_seed}", f"seeds={options.test_seeds}"] if next_seed else []
     split = _split_of(options, jobs)
     if split in HELD_OUT:
-        arguments.append(f"{HELD_OUT[split]}={','.join(options.held_out)}")
+        names = [f"[{name.replace('+', ',')}]" if "+" in name else name for name in options.held_out]
+        arguments.append(f"{HELD_OUT[split]}={','.join(names)}")
     if split == "time":
         tuned_s = [options.share * drive.duration_s for drive in drives]
         if max(tuned_s) > min(drive.duration_s for drive in drives):

@@ -21,6 +21,7 @@ from jerkbench.inspection.evidence import (
     correlation_of,
     cosine,
     diagnosis,
+    low_and_median_norm,
     mean_velocities,
     over_lengths,
     slope,
@@ -456,8 +457,8 @@ def increments(recording: Recording) -> list[Diagnosis]:
         return []
     rate_mps2 = median_mps2 / imu.nominal_interval_s
     measured = f"the median of |f| is {median_mps2:.3g}; divided by the interval it is {rate_mps2:.3g} m/s2"
-    found = abs(rate_mps2 / GRAVITY_MPS2 - 1.0) < TOLERANCE
-    return [diagnosis("increments", measured, interval_s=imu.nominal_interval_s)] if found else []
+    found = [diagnosis("increments", measured, interval_s=imu.nominal_interval_s)]
+    return found if abs(rate_mps2 / GRAVITY_MPS2 - 1.0) < TOLERANCE else []
 
 
 MIN_ASIDE = 0.3
@@ -478,14 +479,13 @@ def velocity_in_world(recording: Recording) -> list[Diagnosis]:
 
 
 def accelerometer_unit(recording: Recording) -> list[Diagnosis]:
-    """Report a specific force that is in g, 9.8 times too large or without gravity, based on the quantiles of |f|."""
-    if recording.imu is None:
+    """Report a specific force that is in g, 9.8 times too large or without gravity."""
+    if (imu := recording.imu) is None:
         return []
-    lowest_mps2, median_mps2 = np.quantile(np.linalg.norm(recording.imu.accel_mps2, axis=1), [0.05, 0.5])
+    lowest_mps2, median_mps2 = low_and_median_norm(imu.accel_mps2)
     measured = f"the median of |f| is {median_mps2:.3g} m/s2; gravity is {GRAVITY_MPS2:g} m/s2"
-    if lowest_mps2 < MIN_LOW_NORM * median_mps2:
-        measured = f"{measured}; 5 % of |f| are below {lowest_mps2:.2g} m/s2"
-        return [diagnosis("gravity_removed", measured)] if median_mps2 < MIN_LOW_NORM * GRAVITY_MPS2 else []
+    if lowest_mps2 < MIN_LOW_NORM * median_mps2 < MIN_LOW_NORM**2 * GRAVITY_MPS2:
+        return [diagnosis("gravity_removed", f"{measured}; 5 % of short averages are below {lowest_mps2:.2g} m/s2")]
     medians = {"accelerometer_in_g": 1.0, "accelerometer_too_large": GRAVITY_MPS2**2}
     return [diagnosis(m, measured) for m, median in medians.items() if abs(median_mps2 / median - 1.0) < TOLERANCE]
 

@@ -35,7 +35,10 @@ MIN_FORCE_MPS2 = 1e-6
 """Minimum norm of a specific force that has a direction."""
 
 MIN_LOW_NORM = 0.5
-"""Minimum 5 % quantile of the norm of the specific force, as a fraction of its median, if the force has gravity."""
+"""Minimum first norm of `low_and_median_norm`, as a fraction of the second, if the specific force has gravity."""
+
+_BLOCK = 20
+"""Number of rows over which vibration is averaged."""
 
 MAX_WINDOWS, MAX_WINDOWS_PER_ROW = 100_000, 10
 """The maximum number of windows is the larger of a constant and a multiple of the number of rows. If there were more
@@ -66,6 +69,19 @@ class Diagnosis:
 
     def __str__(self) -> str:
         return f"{self.finding}. Measured: {self.measured}. {self.remedy}."
+
+
+def low_and_median_norm(accel: FloatArray) -> tuple[float, float]:
+    """Return the 5 % quantile of the norm of averaged specific forces, and the median norm of specific forces (n, 3).
+
+    An average over a short block of rows contains gravity, but hardly any vibration. Rows of zeros are ignored.
+    """
+    measured = accel[accel.any(axis=1)]
+    blocks = measured[: len(measured) // _BLOCK * _BLOCK].reshape(-1, _BLOCK, 3).mean(axis=1)
+    if not len(blocks):
+        return np.inf, float(np.median(np.linalg.norm(accel, axis=1)))
+    lowest = float(np.quantile(np.linalg.norm(blocks, axis=1), 0.05))
+    return lowest, float(np.median(np.linalg.norm(measured, axis=1)))
 
 
 def diagnosis(mistake: str, measured: str, **parts: object) -> Diagnosis:

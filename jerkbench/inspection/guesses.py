@@ -21,6 +21,7 @@ from jerkbench.inspection.evidence import (
     MIN_STRENGTH,
     Turning,
     cosine,
+    low_and_median_norm,
     mean_velocities,
     slope,
     sure_turnings,
@@ -119,14 +120,11 @@ def guess_time_unit(stamps: FloatArray, named: str, *, fixes: bool = False, of_w
 
 
 def guess_accel_unit(accel: FloatArray, names: Sequence[Name]) -> Guess:
-    """Guess the unit of specific forces (n, 3) from their median norm, which should be equal to gravity.
-
-    Without gravity, the norm of a force that varies is often far below its median.
-    """
-    lowest, size = np.quantile(np.linalg.norm(accel, axis=1), [0.05, 0.5])
+    """Guess the unit of specific forces (n, 3) from their median norm, which should be equal to gravity."""
+    lowest, size = low_and_median_norm(accel)
     median = f"the median of |f| is {size:.3g}"
     if lowest < MIN_LOW_NORM * size:
-        median = f"{median}, and 5 % of |f| are below {lowest:.2g}"
+        median = f"{median}, and 5 % of averages over short times are below {lowest:.2g}"
     for unit, gravity in (("m/s2", GRAVITY_MPS2), ("g", 1.0)):
         if abs(size / gravity - 1.0) < TOLERANCE and lowest >= MIN_LOW_NORM * size:
             return Guess("accel_unit", unit, "measured", f"{median}; gravity is {gravity:g} {unit}")

@@ -91,7 +91,7 @@ def parse_name(column: str, file: str = "") -> Name | None:
     quantity, axis = _meaning("".join(parts))
     if bare in ("x", "y", "z") and (sensor := _FILES.get("".join(_parts(file)[0]))):
         quantity, axis = sensor, bare
-    elif quantity == "position":
+    elif quantity == "position" and bare in ("x", "y", "z"):
         quantity = _OF_UNIT.get(unit, quantity)
     allowed = unit not in _SMALL or quantity in ("sigma", "height")
     return Name(column, quantity, axis, unit) if quantity and allowed else None

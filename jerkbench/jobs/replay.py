@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from jerkbench import plugins
 from jerkbench.errors import JerkbenchError, shortened
@@ -22,10 +22,6 @@ from jerkbench.jobs.study import Study, load_study
 from jerkbench.notices import plain
 from jerkbench.recording import Recording
 from jerkbench.report.labels import Labels
-
-if TYPE_CHECKING:
-    pass
-
 
 MAX_SPEC_CHARACTERS = 100_000
 """Maximum length of a stored specification. The specifications of this project have a few thousand characters."""

@@ -59,7 +59,7 @@ def _of_folder(folder: Path) -> Iterator[EntryPoint]:
 
 
 def check_package(package: str) -> list[JunitCase]:
-    """Check every plugin of a package: a folder, a distribution or a module.
+    """Check every plugin of a package, which is a folder or a distribution.
 
     A failure means that the plugin cannot run or that its results are wrong. A note means that the plugin runs slowly
     or could not be checked.

@@ -6,6 +6,7 @@ import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from shlex import quote
 from textwrap import shorten, wrap
 from typing import TYPE_CHECKING
 
@@ -93,7 +94,7 @@ def shown_notes(notes: Sequence[str], folder: Path, width: int | None) -> list[s
     lines = [note if width is None else shorten(note, width, placeholder=" ...") for note in first]
     left = len(notes) - len(first)
     others = f"{left} more note{'s' * (left > 1)}" if left else "The complete notes"
-    return [*lines, f"{others}: jerkbench table {folder} --notes"]
+    return [*lines, f"{others}: jerkbench table {quote(str(folder))} --notes"]
 
 
 def print_run(rows: "pd.DataFrame") -> None:

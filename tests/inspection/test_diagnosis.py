@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from given import kitti
-from mistakes import MISTAKES, OTHERS, in_axes, is_found, ned, of_imu, of_sigmas
+from mistakes import G_MPS2, MISTAKES, OTHERS, in_axes, is_found, ned, of_imu, of_sigmas
 
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.inspection.diagnostics import IDENTITY, PLANE, diagnoses, first_diagnoses
@@ -73,6 +73,15 @@ def test_a_force_without_gravity_is_not_taken_for_a_force_in_g(field, rms):
     calm = of_imu(field, accel=lambda f: (f - f.mean(axis=0)) / np.std(f - f.mean(axis=0)) * rms / np.sqrt(3.0))
     assert "accelerometer without gravity" in [one.name for one in first_diagnoses(calm)]
     assert "accelerometer in g" not in [one.name for one in first_diagnoses(calm)]
+
+
+def test_vibration_and_rows_of_zeros_do_not_hide_gravity(field):
+    shaken = of_imu(field, accel=lambda f: f / G_MPS2 + np.random.default_rng(0).normal(0.0, 0.5, f.shape))
+    lost = of_imu(field, accel=lambda f: np.where(np.arange(len(f))[:, None] % 12 == 0, 0.0, f) / G_MPS2)
+    for one in (shaken, lost):
+        names = [found.name for found in first_diagnoses(one)]
+        assert "accelerometer in g" in names
+        assert "accelerometer without gravity" not in names
 
 
 def test_a_gyro_whose_z_is_reversed(field):
