@@ -19,18 +19,18 @@ ROOT = Path(jerkbench.__file__).parents[1]
 MAX_FILE_LINES = 500
 """Lines of a file."""
 
-MAX_MODULES, MAX_FOLDERS = 164, 23
+MAX_MODULES, MAX_FOLDERS = 165, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
-    "campaign": 1568,
+    "campaign": 1567,
     "cli": 846,
     "compilation": 427,
-    "evaluation": 966,
+    "evaluation": 965,
     "hydra_app": 720,
     "hydra_plugins": 15,
     "inertial": 1038,
     "inspection": 1762,
-    "io": 2670,
+    "io": 2671,
     "jerkbench": 1726,
     "jobs": 1703,
     "kinematic": 1309,

@@ -62,7 +62,6 @@ def record(tuning: Tuning) -> dict[str, Any]:
         "lost_before": score.failed_before,
         "runs": score.runs,
         "budget_curve": budget_curve(tuning.outcome.trials),
-        "restarts": [float(score.tuned.mean())],
         "edges": tuning.space.at_edge(tuning.setting),
     }
 
@@ -204,7 +203,7 @@ def notes_of_tuning(tuning: Tuning) -> list[str]:
     attitude_only = is_attitude_only(tuning.job.method.filter)
     search = {
         "objective": tuning.objective.name,
-        "budget": {**asdict(budget), "restarts": 1},
+        "budget": {**asdict(budget), "restarts": 1},  # so that the hash is the same as in earlier versions
         "split": cases.split,
         "scenarios": [case.labels.scenario for case in cases.tune] if not attitude_only else [],
     }

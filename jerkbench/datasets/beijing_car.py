@@ -8,8 +8,9 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_positive
 from jerkbench.errors import RecordingError
-from jerkbench.io.columns import Columns, read_columns
+from jerkbench.io.columns import Columns
 from jerkbench.io.files import FromFiles, find_file
+from jerkbench.io.readers import read_columns
 from jerkbench.io.text import Line, TextFormat, read_lines
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference, Velocity

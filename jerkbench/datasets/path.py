@@ -8,8 +8,8 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative, require_positive
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.io.columns import read_columns
 from jerkbench.io.files import fingerprint
+from jerkbench.io.readers import read_columns
 from jerkbench.io.text import TextFormat
 from jerkbench.plugins import register
 from jerkbench.random_streams import stream

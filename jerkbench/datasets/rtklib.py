@@ -9,7 +9,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray, IntArray, require_choices, require_lengths
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.io.clocks import GPST_MINUS_UTC_S, utc_of, velocity_when_true, with_common_time
-from jerkbench.io.columns import Columns, read_columns
+from jerkbench.io.columns import Columns
 from jerkbench.io.files import FromFiles, find_file, named_folder
 from jerkbench.io.frames import (
     ACCEL_UNITS,
@@ -20,6 +20,7 @@ from jerkbench.io.frames import (
     first_rest_s,
     in_enu,
 )
+from jerkbench.io.readers import read_columns
 from jerkbench.io.rtklib import (
     POS_COVARIANCE,
     POS_POSITION,

@@ -13,7 +13,7 @@ from jerkbench.arrays import FloatArray, require_choices, require_not_negative, 
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import enu_axes
 from jerkbench.io.clocks import with_common_time, with_recorded_outages
-from jerkbench.io.columns import SOLUTION, Columns
+from jerkbench.io.columns import Columns
 from jerkbench.io.files import FromFiles, named_folder
 from jerkbench.io.frames import (
     LOCAL_FRAMES,
@@ -25,6 +25,7 @@ from jerkbench.io.frames import (
     in_enu,
     origin_of,
 )
+from jerkbench.io.readers import SOLUTION
 from jerkbench.io.rtklib import POS_QUALITY
 from jerkbench.io.sanitiser import (
     HELD,

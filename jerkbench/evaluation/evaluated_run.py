@@ -274,11 +274,7 @@ Evaluate = Callable[[Metric, Estimate, Recording, BoolArray], Mapping[str, float
 
 
 def evaluate_run(
-    estimate: Estimate,
-    recording: Recording,
-    burn_in_s: float,
-    metrics: Sequence[Metric],
-    evaluate: Evaluate = lambda metric, *given: metric.evaluate(*given),
+    estimate: Estimate, recording: Recording, burn_in_s: float, metrics: Sequence[Metric]
 ) -> dict[str, float]:
     """Return the values of all metrics by column name, which are NaN if the run stopped before the first counted row.
 
@@ -287,8 +283,6 @@ def evaluate_run(
         recording: recording with the reference.
         burn_in_s: time from which on errors count [s].
         metrics: metrics to compute.
-        evaluate: function that computes a metric that needs more than sums. A caller can pass a function that returns
-            cached values.
 
     Raises:
         RecordingError: no row counts, although the run did not stop early.
@@ -298,11 +292,14 @@ def evaluate_run(
     if not counted.any() and not why_stopped(estimate):
         raise RecordingError(nothing_counts(recording, burn_in_s))
     sums = sums_of(estimate, recording, counted) if any(isinstance(m, Summarising) for m in metrics) else None
-    return metric_values(metrics, sums, (estimate, recording, counted), evaluate)
+    return metric_values(metrics, sums, (estimate, recording, counted))
 
 
 def metric_values(
-    metrics: Iterable[Metric], sums: Sums | None, run: tuple[Estimate, Recording, BoolArray], evaluate: Evaluate
+    metrics: Iterable[Metric],
+    sums: Sums | None,
+    run: tuple[Estimate, Recording, BoolArray],
+    evaluate: Evaluate = lambda metric, *given: metric.evaluate(*given),
 ) -> dict[str, float]:
     """Return the values of all metrics by column name. Metrics are computed from the sums where this is possible.
 
@@ -310,7 +307,8 @@ def metric_values(
         metrics: metrics to compute.
         sums: sums of the run, or None if no metric reads sums.
         run: stored part of the estimate, recording, and whether each row counts (k,).
-        evaluate: function that computes a metric that needs more than sums.
+        evaluate: function that computes a metric that needs more than sums. A caller can pass a function that returns
+            cached values.
 
     Raises:
         PluginError: two metrics return the same column.

@@ -11,7 +11,7 @@ from jerkbench.contracts import Adaptation
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.trajectory import Command
-from jerkbench.io.columns import read_columns
+from jerkbench.io.readers import read_columns
 from jerkbench.io.table import read_attitude
 from jerkbench.io.text import TextFormat
 from jerkbench.io.writing import write_recording

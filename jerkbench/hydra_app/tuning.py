@@ -170,7 +170,7 @@ def _unused_runs(
             raise PluginError(
                 "--compare with split=time needs recordings of similar durations; compare each recording."
             )
-        arguments.append(f"burn_in_s={max(tuned_s):.6g}")
+        arguments.append(f"burn_in_s={max(*tuned_s, jobs[0].protocol.burn_in_s):.6g}")
     references = [drive.reference for drive in drives]
     if all(one.empty or one.source == THE_FIXES for one in references) and "disturbance" not in map(owner, typed):
         print(

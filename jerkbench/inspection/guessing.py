@@ -46,8 +46,9 @@ from jerkbench.io.column_names import (
     velocity_columns,
     with_meaning,
 )
-from jerkbench.io.columns import MAX_NANOSECONDS, SOLUTION, Columns, read_columns
+from jerkbench.io.columns import MAX_NANOSECONDS, Columns
 from jerkbench.io.frames import SPEED_UNITS
+from jerkbench.io.readers import SOLUTION, read_columns
 from jerkbench.io.text import TextFormat
 from jerkbench.io.tracks import track_reader
 from jerkbench.recording import Recording

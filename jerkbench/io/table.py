@@ -13,7 +13,7 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray, positive_definite,
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, enu_axes, euler_from_dcm
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH
-from jerkbench.io.columns import SOLUTION, TIME_UNITS, Columns, read_columns, times_ns
+from jerkbench.io.columns import TIME_UNITS, Columns, times_ns
 from jerkbench.io.files import find_files, named_folder
 from jerkbench.io.frames import (
     ACCEL_UNITS,
@@ -28,6 +28,7 @@ from jerkbench.io.frames import (
     enu_from,
     rotated_covariance,
 )
+from jerkbench.io.readers import SOLUTION, read_columns
 from jerkbench.io.rtklib import POS_COVARIANCE, POS_POSITION, POS_VELOCITY, POS_VELOCITY_COVARIANCE
 from jerkbench.io.sanitiser import MIN_DATE_NS, drop_notes, possible_rows
 from jerkbench.io.text import TextFormat, cut_note

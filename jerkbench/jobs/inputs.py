@@ -103,7 +103,8 @@ class Inputs:
     def columns(self, metric: Metric, estimate: Estimate, recording: Recording, counted: BoolArray) -> MetricValues:
         """Return the value of each column of a metric for one run.
 
-        If the metric reads only the attitude, its values are cached for other runs with the same attitude object.
+        If the metric reads only the attitude, its values are cached for the other methods of a batch, whose runs have
+        the same attitude object.
         """
         if part_read(metric) != "attitude":
             return metric.evaluate(estimate, recording, counted)

@@ -116,7 +116,7 @@ def single_run(job: Job, draw: int, *, strict: bool) -> NotedRows:
         if isinstance(job.method.filter, PerSeed):
             require_begin(estimate, recording, protocol.burn_in_s)
         status, reason = run_status(estimate, recording, protocol.divergence_limit_m)
-        values = evaluate_run(estimate, recording, protocol.burn_in_s, [*job.metrics.values()], shared_inputs().columns)
+        values = evaluate_run(estimate, recording, protocol.burn_in_s, [*job.metrics.values()])
         notes = [*notes_of(job, recording), *_covariance_notes(job, values, estimate)]
         return [{**_head(job, draw, status, reason), **values, **recording.parameters}], notes
     except Exception as error:  # noqa: BLE001 - any exception of a plugin becomes a failed row or an error message

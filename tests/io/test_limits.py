@@ -25,7 +25,7 @@ from jerkbench.inspection.evidence import common_edges
 from jerkbench.inspection.facts import facts_text
 from jerkbench.inspection.guesses import guess_time_unit
 from jerkbench.inspection.receiver import receiver_errors
-from jerkbench.io.columns import read_columns
+from jerkbench.io.readers import read_columns
 from jerkbench.io.rtklib import _COLUMNS
 from jerkbench.io.sanitiser import off_earth
 from jerkbench.io.text import TextFormat

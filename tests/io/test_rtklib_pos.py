@@ -5,7 +5,7 @@ import pymap3d
 import pytest
 
 from jerkbench.errors import RecordingError
-from jerkbench.io.columns import read_columns
+from jerkbench.io.readers import read_columns
 from jerkbench.io.rtklib import _COLUMNS, POS_COVARIANCE, POS_POSITION, POS_VELOCITY, POS_VELOCITY_COVARIANCE, read_pos
 from jerkbench.io.text import TextFormat
 
