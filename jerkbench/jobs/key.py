@@ -9,12 +9,13 @@ import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
-from importlib.metadata import packages_distributions, version
+from importlib.metadata import entry_points, packages_distributions, version
 from pathlib import Path
 from typing import Any
 
 from jerkbench.contracts import Dataset, Disturbance, ReadingFile
 from jerkbench.errors import PluginError, RecordingError
+from jerkbench.plugins import KINDS
 
 PACKAGE_FOLDER = Path(__file__).parents[1]
 KEY_LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
@@ -44,6 +45,13 @@ def code_digest(*further: str) -> str:
 def versions() -> dict[str, str]:
     """Return the versions of Python, this package and the libraries that affect results."""
     return {"python": platform.python_version(), **{name: version(name) for name in ("jerkbench", *KEY_LIBRARIES)}}
+
+
+@cache
+def plugin_packages() -> dict[str, str]:
+    """Return the names and versions of the installed packages with plugins, except this package."""
+    distributions = {entry.dist for kind in KINDS for entry in entry_points(group=f"jerkbench.{kind}") if entry.dist}
+    return {one.name: one.version for one in sorted(distributions, key=lambda one: one.name)}
 
 
 ARITHMETIC = ("amx", "avx", "fma", "neon", "sse", "sve")

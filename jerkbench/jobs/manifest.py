@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from jerkbench.files import write_text
-from jerkbench.jobs.key import git_commit, versions
+from jerkbench.jobs.key import git_commit, plugin_packages, versions
 
 MANIFEST = "manifest.json"
 
@@ -50,7 +50,7 @@ def write_manifest(
             "levels": before.get("levels", {}) | ({} if level is None else dict.fromkeys(seeds, level)),
             "command": list(command),
             "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-            "versions": versions(),
+            "versions": versions() | plugin_packages(),
             "commit": git_commit(),
             "host": {"system": platform.platform(), "machine": platform.machine(), "processors": os.cpu_count()},
         }

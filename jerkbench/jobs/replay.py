@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from jerkbench import plugins
-from jerkbench.errors import JerkbenchError, shortened
+from jerkbench.errors import JerkbenchError, PluginError, shortened
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.evaluated_run import RUN_COLUMNS
 from jerkbench.filters.trajectory import Command
 from jerkbench.jobs.job import Job, Protocol, build
-from jerkbench.jobs.key import code_digest, require_data, versions
+from jerkbench.jobs.key import code_digest, plugin_packages, require_data, versions
 from jerkbench.jobs.preflight import plugin_errors
 from jerkbench.jobs.rows import Row, job_rows, run_seed
 from jerkbench.jobs.store import Store, Stored
@@ -155,6 +155,11 @@ def _job_of(stored: Stored) -> Job:
         raise JerkbenchError(f"{subject} was changed after the run: it has an interpolation, ${{...}}.")
     try:
         return build(metadata["spec"], Protocol(**metadata["protocol"]), Labels(**metadata["labels"]))
+    except PluginError as error:
+        lost = [f"{n}=={v}" for n, v in metadata.get("packages", {}).items() if n not in plugin_packages()]
+        if not lost:
+            raise
+        raise PluginError(f"{error} The run used packages that are not installed: {', '.join(lost)}.") from error
     except (TypeError, ValueError, ArithmeticError, LookupError, AttributeError) as error:
         raise JerkbenchError(f"{subject} is invalid ({error}). The file is damaged or from another version.") from error
 

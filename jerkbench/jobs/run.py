@@ -26,7 +26,7 @@ from jerkbench import plugins
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.jobs.executors import ClusterError, Pool, Workers
 from jerkbench.jobs.inputs import shared_inputs
-from jerkbench.jobs.key import code_digest, git_commit, processor_kind, versions
+from jerkbench.jobs.key import code_digest, git_commit, plugin_packages, processor_kind, versions
 from jerkbench.jobs.plan import Plan, chunks_of, missing
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.rows import NotedRows, Task, failed_rows, task_rows
@@ -159,8 +159,8 @@ NO_COST = {"seconds": 0.0, "run_s": 0.0, "processor": ""}
 
 
 def origin() -> dict[str, Any]:
-    """Return the provenance that is stored with each run: the hash of the code, the versions and the commit."""
-    return {"code": code_digest(), "versions": versions(), "commit": git_commit()}
+    """Return the provenance that is stored with each run: the hash of the code, the versions, and the commit."""
+    return {"code": code_digest(), "versions": versions(), "packages": plugin_packages(), "commit": git_commit()}
 
 
 class Writer:

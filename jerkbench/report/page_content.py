@@ -1,7 +1,7 @@
 """The content of a report: matrix of error ratios, parameters of the methods, and errors over time."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,10 +12,6 @@ from jerkbench.report.comparisons import Comparison, Standing
 from jerkbench.report.findings import against, mean_log_ratio, reference_method
 from jerkbench.report.labels import METHOD_PARTS
 from jerkbench.report.table_model import number
-
-if TYPE_CHECKING:
-    pass
-
 
 MAX_FINDINGS = 10
 """Maximum number of visible findings. Further findings are folded."""
@@ -65,7 +61,7 @@ def matrix(standings: Sequence[Standing]) -> dict[str, Any] | None:
 def _matrix_cell(
     standing: Standing, seen: Mapping[str, Comparison], name: str, reference: str
 ) -> dict[str, str | bool]:
-    """Return the content of a cell: text (the ratio), style, and number of failed runs.
+    """Return the content of a cell: text (the ratio and the mark of the verdict), style, and number of failed runs.
 
     The style of a cell is better, worse, equal, undecided, reference or absent. The entry "leads" is True if the method
     is one of the best in the scenario.
@@ -82,7 +78,7 @@ def _matrix_cell(
     counts = judgement.failed[0], judgement.outlying[0]
     failed = failures_text(*counts, judgement.n, bound=False) if any(counts) else ""
     text = pair.ratio_text or ("failed" if judgement.ratio else "succeeds")
-    return cell | {"text": text, "style": style, "failed": failed}
+    return cell | {"text": text + pair.mark.strip("*"), "style": style, "failed": failed}
 
 
 # Data for the script of the page: errors over time.

@@ -4,9 +4,10 @@ import pytest
 
 from commands import verb
 from jerkbench import api
+from jerkbench.errors import PluginError
 from jerkbench.filters.trajectory import Command
 from jerkbench.jobs.job import replaced
-from jerkbench.jobs.replay import program_of, runnable
+from jerkbench.jobs.replay import program_of, runnable, stored_row
 from jerkbench.jobs.store import Store
 from stored_cells import put
 
@@ -80,3 +81,18 @@ def test_a_long_command_is_not_cut_in_silence():
     told = program_of({"filter": {"name": "command", "command": f"python3 ok.py{' ' * 300}; evil {'x' * 300}"}})
     assert told.startswith("python3 ok.py ; evil x")
     assert " characters ...] xxx" in told
+
+
+def test_a_missing_plugin_is_named_with_its_package(tmp_path):
+    put(
+        tmp_path,
+        "e" * 20,
+        0.1,
+        spec={"attitude": {"name": "tilt"}, "adaptation": {"name": "wary"}},
+        packages={"wary": "1.2"},
+    )
+
+    with pytest.raises(
+        PluginError, match=r"There is no adaptation 'wary'.* packages that are not installed: wary==1\.2"
+    ):
+        stored_row(tmp_path, 1)

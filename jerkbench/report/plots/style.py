@@ -30,7 +30,7 @@ BAND_COLOUR = "#D3DEE8"
 DOTS_PER_INCH = 150
 """Resolution of figures. It is set when a figure is created, so that the layout is the same in the file."""
 
-LOGARITHMIC_FROM = 30.0
+LOGARITHMIC_FROM = 10.0
 """An axis is logarithmic if the ratio of the largest value to a typical or the smallest value is above this limit."""
 
 STEPS = (1, 2, 2.5, 5, 10)

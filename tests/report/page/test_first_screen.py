@@ -49,6 +49,17 @@ def test_the_picture_has_ratios_to_the_baseline_and_marks_lost_runs():
     assert (cell["text"], cell["style"], cell["failed"]) == ("failed", "worse", "20 of 20 failed")
 
 
+def test_a_small_significant_difference_is_not_marked_as_equal():
+    frame = study_rows(20, 1.0)
+    jerk = (frame["filter"] == "jerk") & (frame["adaptation"] == "none") & (frame["disturbance"] == "none")
+    plain = (frame["filter"] == "baseline") & (frame["disturbance"] == "none")
+    jitter = np.random.default_rng(0).normal(1.0, 1e-4, jerk.sum())
+    frame.loc[jerk, "position_rmse_m"] = 1.02 * jitter * frame.loc[plain, "position_rmse_m"].to_numpy()
+    (cells,) = (cells for label, cells in matrix(standings(frame))["lines"] if label == "jerk+none")
+
+    assert cells[0]["text"] == "1.02~"
+
+
 def test_settings_have_every_value_that_a_method_ran_with():
     def cell(accel, disturbance):
         spec = {"filter": {"name": "jerk", "accel_mps2": accel}, "adaptation": {"name": "mtf", "window": 1}}
