@@ -19,6 +19,13 @@ class Page(NamedTuple):
 
 
 PAGES = {
+    "index": Page(
+        """\
+run -m filter=gnss_only,baseline,jerk adaptation=none,mtf disturbance=multipath_single_axis seeds=10 study=one
+figures results/one
+""",
+        {"results/one/figures/bars.png": "multipath_bars.png"},
+    ),
     "first_table": Page(
         """\
 run -m filter=gnss_only,baseline,jerk adaptation=none,mtf disturbance=none,multipath_single_axis,gnss_outage \
@@ -26,7 +33,6 @@ seeds=10 study=first
 figures results/first --scenarios multipath_single_axis
 """,
         {
-            "results/first/figures/bars.png": "multipath_bars.png",
             "results/first/figures/*multipath_single_axis*-errors.png": "multipath_errors.png",
         },
     ),
