@@ -1,6 +1,5 @@
 """Columns of numbers, selected by name or number, with the stamps of the rows."""
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +16,7 @@ from jerkbench.io.sanitiser import (
     ordered_rows,
     require_fractions,
 )
-from jerkbench.io.text import MAX_NUMBER, is_number
+from jerkbench.io.text import MAX_NUMBER
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -143,14 +142,10 @@ class Columns:
     def stamps_ns(self, name: str, unit: str) -> IntArray:
         """Convert a column of times in ``unit`` to nanoseconds (n,), without rounding if the times are integers.
 
-        If all values are integers of at least 2^63, 2^63 is subtracted from all values.
-
         Raises:
             RecordingError: the column does not exist, or a cell is not a number, empty or too large.
         """
         values = self._numeric(name)
-        if values.dtype == np.uint64:  # a counter that started at 2^63; only its differences are used
-            values = (values - np.uint64(2**63)).astype(np.int64)
         scale = WEEK_NS if unit == "week" else TIME_UNITS[unit]
         fits = np.abs(values.astype(np.float64)) <= MAX_NANOSECONDS / scale  # NaN fails this comparison
         self._require(fits, name, values, f"'{{}}' is not a time in {unit} (maximum: {MAX_NANOSECONDS / scale:.2g})")
@@ -198,17 +193,10 @@ class Columns:
         import pandas as pd
 
         column = self._table.iloc[:, self._index(name)]
-        if pd.api.types.is_bool_dtype(column) or pd.api.types.is_complex_dtype(column):
-            raise RecordingError(f"{self.where}, column {name} holds {column.dtype} values; numbers are expected.")
-        try:
-            numeric = pd.to_numeric(column, errors="coerce")
-        except OverflowError:  # an integer with hundreds of digits
-            numeric = column.map(lambda cell: float(str(cell)) if is_number(str(cell)) else math.nan)
+        numeric = pd.to_numeric(column, errors="coerce")
         self._require(numeric.notna() | column.isna(), name, column, "'{}' is not a number")
         integer = pd.api.types.is_integer_dtype(numeric) and not numeric.isna().any()
         fits = integer and (numeric.empty or numeric.max() <= np.iinfo(np.int64).max)
-        if integer and not fits and numeric.min() > np.iinfo(np.int64).max:
-            return numeric.to_numpy(dtype=np.uint64)
         return numeric.to_numpy(dtype=np.int64 if fits else np.float64)
 
     def _index(self, name: str) -> int:

@@ -1,10 +1,8 @@
 """Readers of tables in one or several files: text, Parquet, MATLAB, RTKLIB's .pos, and native formats of receivers."""
 
-import math
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,14 +10,11 @@ from jerkbench.errors import RecordingError
 from jerkbench.io.clocks import GPST_MINUS_UTC_S
 from jerkbench.io.columns import Columns
 from jerkbench.io.rtklib import read_pos
-from jerkbench.io.sanitiser import MAX_NUMBERS, MAX_RATIO, require_size
 from jerkbench.io.text import TextFormat, read_text, require_content
 from jerkbench.io.tracks import track_reader
 
 if TYPE_CHECKING:
-    import h5py
     import pandas as pd
-    import pyarrow as pa
 
 SOLUTION = ".pos"
 """Ending of RTKLIB's solutions."""
@@ -57,55 +52,26 @@ def read_columns(paths: Sequence[Path], text: TextFormat, gpst_minus_utc_s: floa
 
 
 def _read(path: Path, text: TextFormat, gpst_minus_utc_s: float) -> tuple["pd.DataFrame", tuple[str, ...]]:
-    if path.suffix == ".mat":
-        return read_matlab(path), ()
+    import pandas as pd
+
     require_content(path)
     if path.suffix != SOLUTION and (reader := track_reader(path)):
         return reader(path)
-    kind = "Parquet" if path.suffix == ".parquet" else "text columns"
+    kind = {".mat": "a MATLAB file", ".parquet": "Parquet"}.get(path.suffix, "text columns")
     try:
-        if path.suffix == SOLUTION:
-            return read_pos(path, gpst_minus_utc_s)
-        return (_read_parquet(path), ()) if path.suffix == ".parquet" else read_text(path, text)
+        if path.suffix == ".mat":
+            return read_matlab(path), ()
+        if path.suffix == ".parquet":
+            return pd.read_parquet(path), ()
+        return read_pos(path, gpst_minus_utc_s) if path.suffix == SOLUTION else read_text(path, text)
     except RecordingError:
         raise
-    except Exception as error:  # for damaged files, pandas and pyarrow raise many types of exceptions
+    except Exception as error:  # for damaged files, pandas, pyarrow, scipy and h5py raise many types of exceptions
         reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
         raise RecordingError(f"{path} cannot be read as {kind} ({reason}); correct the file.") from error
 
 
-def _read_parquet(path: Path) -> "pd.DataFrame":
-    """Return the columns that are not nested. Columns of text remain dictionary-encoded to save memory."""
-    import pyarrow as pa
-    from pyarrow.parquet import ParquetFile
-
-    file = ParquetFile(path)
-    about, schema = file.metadata, file.schema_arrow
-    groups = map(about.row_group, range(about.num_row_groups))
-    parts = [group.column(k) for group in groups for k in range(group.num_columns)]
-    require_size(path, sum(max(part.num_values, part.total_uncompressed_size // 8) for part in parts))
-    flat = [field.name for field in schema if _is_flat(field.type)]
-    text = [name for name in flat if pa.types.is_string(schema.field(name).type)]
-    batches, size = [], 0
-    for batch in ParquetFile(path, read_dictionary=text).iter_batches(columns=flat):
-        size += batch.nbytes
-        require_size(path, size // 8)
-        batches.append(batch)
-    table: pd.DataFrame = pa.Table.from_batches(batches, batches[0].schema if batches else schema).to_pandas()
-    return table
-
-
-def _is_flat(kind: "pa.DataType") -> bool:
-    from pyarrow import types
-
-    flat = types.is_integer, types.is_floating, types.is_boolean, types.is_temporal, types.is_string
-    return any(test(kind) for test in flat)
-
-
 # MATLAB files of the versions 5 to 7, and 7.3 (HDF5). Numeric vectors and matrices become columns of a table.
-
-_MATRIX, _COMPRESSED, _DATA_TYPES = 14, 15, {*range(1, 8), 9, 12, 13, 16, 17, 18}
-"""Type codes of arrays, of compressed variables, and of numbers and text in a file of version 5."""
 
 MAX_COLUMNS = 64
 """Maximum number of columns of a matrix of measurements. Matrices with more columns are ignored."""
@@ -120,102 +86,44 @@ def read_matlab(path: Path) -> "pd.DataFrame":
     ``imu.t``. If the variables have different lengths, empty cells are appended to the shorter columns.
 
     Raises:
-        RecordingError: the file does not exist, is damaged, or has no numeric array of two rows or more.
+        RecordingError: the file has no numeric array of two rows or more.
     """
     import h5py
     import pandas as pd
+    from scipy.io import loadmat
 
-    require_content(path)
-    try:
-        arrays = dict(_version_7_3(path)) if h5py.is_hdf5(path) else dict(_version_5(path))
-    except RecordingError:
-        raise
-    except Exception as error:  # scipy and h5py raise undocumented errors for damaged files
-        raise RecordingError(
-            f"{path} cannot be read as a MATLAB file ({type(error).__name__}: {error}); copy or save the file again."
-        ) from error
+    arrays = _version_7_3(path) if h5py.is_hdf5(path) else dict(_fields("", loadmat(path, simplify_cells=True)))
     columns = dict(_columns(arrays))
     if not columns:
         raise RecordingError(
             f"{path} has no numeric vector or matrix; save the data (or the columns of a timetable) as numeric arrays."
         )
-    require_size(path, max(map(len, columns.values())) * len(columns))
     return pd.DataFrame({name: _series(values) for name, values in columns.items()})
 
 
-def _version_5(path: Path) -> Iterator[tuple[str, Array]]:
-    def walk(prefix: str, value: object) -> Iterator[tuple[str, Array]]:
-        """Yield the numeric arrays of a variable and of the fields of a structure."""
-        if isinstance(value, dict):
-            for name, field in value.items():
-                if not name.startswith("__"):
-                    yield from walk(f"{prefix}.{name}" if prefix else name, field)
-        elif isinstance(value, np.ndarray):
-            yield prefix, value
-
-    yield from walk("", load_matlab_5(path, simplify_cells=True))
+def _fields(prefix: str, value: object) -> Iterator[tuple[str, Array]]:
+    """Yield the numeric arrays of a variable and of the fields of a structure."""
+    if isinstance(value, dict):
+        for name, field in value.items():
+            if not name.startswith("__"):
+                yield from _fields(f"{prefix}.{name}" if prefix else name, field)
+    elif isinstance(value, np.ndarray):
+        yield prefix, value
 
 
-def load_matlab_5(path: Path, **options: Any) -> dict[str, Any]:  # noqa: ANN401 - options of loadmat
-    """Return the variables of a MATLAB file of version 5, after a check of its data types and of its decompressed size.
-
-    Raises:
-        RecordingError: the decompressed variables are far larger than the file.
-        ValueError: a data type is unknown.
-    """
-    from scipy.io import loadmat
-
-    content = path.read_bytes()
-    _require_types(path, memoryview(content)[128:], "little" if content[126:128] == b"IM" else "big")
-    return dict(loadmat(path, **options))
-
-
-def _require_types(path: Path, content: memoryview, order: Literal["little", "big"]) -> None:
-    """Check the data type of each element in ``content``, because scipy crashes if a data type is unknown."""
-    at = size = 0
-    while at + 8 <= len(content):
-        first, length = (int.from_bytes(content[k : k + 4], order) for k in (at, at + 4))
-        kind, length, start = (first & 0xFFFF, first >> 16, at + 4) if first >> 16 else (first, length, at + 8)
-        part = content[start : start + length]
-        if kind == _COMPRESSED:
-            part = memoryview(zlib.decompressobj().decompress(part, 8 * MAX_NUMBERS + MAX_RATIO * len(part)))
-            size += len(part)
-            require_size(path, size // 8)
-        if kind in {_MATRIX, _COMPRESSED}:
-            _require_types(path, part, order)
-        elif kind not in _DATA_TYPES:
-            raise ValueError(f"unknown data type {kind}")
-        at = start + length + (0 if kind == _COMPRESSED else -(start + length) % 8)
-
-
-def _version_7_3(path: Path) -> Iterator[tuple[str, Array]]:
-    """Yield all arrays except internal reference tables, transposed, because MATLAB stores arrays transposed."""
+def _version_7_3(path: Path) -> dict[str, Array]:
+    """Return all arrays except internal reference tables, transposed, because MATLAB stores arrays transposed."""
     import h5py
+
+    arrays: dict[str, Array] = {}
+
+    def add(name: str, node: object) -> None:
+        if isinstance(node, h5py.Dataset) and not name.startswith("#"):
+            arrays[name.replace("/", ".")] = np.asarray(node).T
 
     with h5py.File(path) as file:
-        for name, array in hdf5_arrays(path, file).items():
-            if not name.startswith("#"):
-                yield name.replace("/", "."), array.T
-
-
-def hdf5_arrays(path: Path, file: "h5py.File") -> dict[str, Array]:
-    """Return the numeric arrays of an open HDF5 file by their names.
-
-    Raises:
-        RecordingError: the data of an array are in a different file, or the arrays are far larger than the file.
-    """
-    import h5py
-
-    links: dict[str, object] = {}
-    file.visititems_links(links.__setitem__)
-    nodes = [(name, file[name]) for name, link in links.items() if isinstance(link, h5py.HardLink)]
-    sets = {n: d for n, d in nodes if isinstance(d, h5py.Dataset) and d.dtype.kind in "iufb" and d.shape is not None}
-    external = [name for name, link in links.items() if isinstance(link, h5py.ExternalLink)]
-    external += [name for name, data in sets.items() if data.external or data.is_virtual]
-    if external:
-        raise RecordingError(f"{path}: {', '.join(external)} refers to another file; copy the data into this file.")
-    require_size(path, sum(max(data.size, math.prod(data.chunks or ())) for data in sets.values()))
-    return {name: data[()] for name, data in sets.items()}
+        file.visititems(add)
+    return arrays
 
 
 def _columns(arrays: Mapping[str, Array]) -> Iterator[tuple[str, Array]]:

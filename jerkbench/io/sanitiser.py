@@ -63,25 +63,6 @@ LATE_NS = 1_000_000_000
 """Maximum time by which a row that is sorted is older than a previous row. A larger time means that a clock was set
 back."""
 
-MAX_NUMBERS, MAX_RATIO = 16_000_000, 20
-"""Number of values (of 8 bytes) that is allowed in any file. If a file declares more values, MAX_RATIO is the maximum
-ratio of the size of its values to the size of the file. Measurements are hardly compressible, but a header of two
-kilobytes can declare gigabytes."""
-
-
-def require_size(path: Path, numbers: int) -> None:
-    """Check the number of values that a file declares, before the reader allocates memory for these values.
-
-    Raises:
-        RecordingError: a file of this size cannot contain this number of values.
-    """
-    size = path.stat().st_size
-    if numbers > max(MAX_NUMBERS, MAX_RATIO * size // 8):
-        raise RecordingError(
-            f"{path} has {size} bytes but declares {numbers:.3g} numbers, which need {numbers / 1.25e8:.3g} GB. The"
-            " file is damaged, or its arrays are empty; write only the measured rows."
-        )
-
 
 def require_origin(owner: str, origin: tuple[float, ...]) -> None:
     """Raise a PluginError if ``origin`` is not empty and not a position on Earth."""

@@ -17,31 +17,22 @@ if TYPE_CHECKING:
 MAX_NUMBER = 1e15
 """Maximum plausible measurement on a vehicle. A larger value is damaged and may overflow when it is squared."""
 
-MAX_LINE_BYTES = 1 << 16
-"""Maximum length of a line. Splitting a line of megabytes takes minutes and gigabytes."""
+_SAMPLE = 1 << 17
+"""Number of bytes at each end of a file that are examined before it is read."""
 
 Line = tuple[int, str]
 """A line's number in its file (from 1) and its text."""
 
 
-def require_content(path: Path, *, text: bool = False) -> None:
-    """Check that the file is readable and not empty. If ``text`` is True, also check that no line is too long.
+def require_content(path: Path) -> None:
+    """Check that the file is readable and not empty.
 
     Raises:
-        RecordingError: the file does not exist, cannot be read, is empty, or has a line of more than 64 KiB.
+        RecordingError: the file does not exist, cannot be read, or contains only white space.
     """
-    blank, number = True, 0
     try:
-        with path.open(encoding="latin-1") as file:
-            while line := file.readline(MAX_LINE_BYTES + 2):
-                blank, number = blank and not line.strip(), number + 1
-                if not text and not blank:
-                    return
-                if text and len(line.rstrip("\n")) > MAX_LINE_BYTES:
-                    raise RecordingError(
-                        f"{path}, line {number} has more than {MAX_LINE_BYTES // 1024} KiB. The file is not a text"
-                        " table, or has no line breaks; write the file again, or give another file."
-                    )
+        with path.open("rb") as file:
+            blank = not file.read(_SAMPLE).strip()
     except FileNotFoundError as error:
         raise RecordingError(f"There is no file {path}; check the folder and the file's name.") from error
     except OSError as error:
@@ -64,9 +55,9 @@ def read_lines(path: Path) -> list[Line]:
     """Return the lines of a file that are not blank. Non-ASCII bytes become a replacement character.
 
     Raises:
-        RecordingError: the file does not exist, cannot be read, is empty, or has a line of more than 64 KiB.
+        RecordingError: the file does not exist, cannot be read, or is empty.
     """
-    require_content(path, text=True)
+    require_content(path)
     text = path.read_bytes().decode("ascii", errors="replace")
     return [(number, line) for number, line in enumerate(text.split("\n"), start=1) if line.strip()]
 
@@ -139,9 +130,6 @@ def _cut(row: Sequence[str], neighbours: Sequence[Sequence[str]], end: int) -> b
 
 # A text file of columns: header lines, lines of data, and truncated lines.
 
-_SAMPLE = 1 << 17
-"""Number of bytes at each end of a file that are examined before it is read."""
-
 HEADER_LINES = 100
 """Maximum number of lines above the data."""
 
@@ -177,12 +165,12 @@ def read_text(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, 
     """Read a text file of columns. Return the table, and a note that counts truncated rows, if any.
 
     Raises:
-        RecordingError: the file is missing or empty, or a line is too long.
+        RecordingError: the file is missing or empty.
         ValueError: pandas cannot read the file (ParserError, UnicodeError and others are subclasses).
     """
     import pandas as pd
 
-    require_content(path, text=True)
+    require_content(path)
     lines, tail = _sample(path)
     use = [k for k, line in enumerate(lines) if line.strip() and not (text.comment and line.startswith(text.comment))]
     data = next((k for k in use[:HEADER_LINES] if _is_data(lines[k], text)), None)

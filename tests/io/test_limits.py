@@ -2,14 +2,11 @@
 
 import math
 import resource
-import zlib
 from functools import reduce
 
 import h5py
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pymap3d
 import pytest
 from scipy.io import savemat
@@ -25,10 +22,8 @@ from jerkbench.inspection.evidence import common_edges
 from jerkbench.inspection.facts import facts_text
 from jerkbench.inspection.guesses import guess_time_unit
 from jerkbench.inspection.receiver import receiver_errors
-from jerkbench.io.readers import read_columns
 from jerkbench.io.rtklib import _COLUMNS
 from jerkbench.io.sanitiser import off_earth
-from jerkbench.io.text import TextFormat
 from jerkbench.jobs.preflight import reason_of
 from jerkbench.recording import Imu, Position, Recording, Reference
 
@@ -165,81 +160,6 @@ def test_an_origin_off_the_earth_is_refused(made, origin):
         made(origin)
 
 
-# What a file promises is compared with its size before anything is allocated.
-
-
-def virtual(file):
-    layout = h5py.VirtualLayout((9, 3), "f8")
-    layout[:] = h5py.VirtualSource("other.h5", "t", shape=(9, 3))
-    file.create_virtual_dataset("t", layout)
-
-
-@pytest.mark.parametrize(
-    ("name", "read"),
-    [
-        ("a.mat", lambda path: read_columns((path,), TextFormat())),
-        ("01_x.hdf5", lambda path: Broad(str(path.parent), 1).load()),
-    ],
-)
-@pytest.mark.parametrize(
-    ("damage", "said"),
-    [
-        ({"shape": (3 * 10**8, 3), "chunks": (10_000, 3), "compression": "gzip"}, "declares 9e\\+08 numbers"),
-        ({"shape": (3, 3), "chunks": (10**8, 3), "maxshape": (None, 3)}, "declares 3e\\+08"),
-        ({"shape": (9, 3), "external": [("other.raw", 0, 1000)]}, "t refers to another file"),
-        (lambda file: file.update(t=h5py.ExternalLink("other.h5", "/t")), "t refers to another file"),
-        (virtual, "t refers to another file"),
-    ],
-)
-def test_an_hdf5_file_that_promises_too_much_or_leads_elsewhere_is_refused(tmp_path, name, read, damage, said):
-    with h5py.File(tmp_path / name, "w") as file:
-        damage(file) if callable(damage) else file.create_dataset("t", dtype="f8", **damage)
-    with pytest.raises(RecordingError, match=said):
-        read(tmp_path / name)
-
-
-def zeros(folder):
-    savemat(folder / "a.mat", {"t": np.zeros(1 << 28, np.uint8)}, do_compression=True)
-    return folder / "a.mat"
-
-
-def padding(folder):
-    vectors = {f"v{k}": np.zeros(3) for k in range(300)}
-    savemat(folder / "a.mat", {"t": np.zeros(100_000, np.uint8), **vectors}, do_compression=True)
-    return folder / "a.mat"
-
-
-def repeated(folder):
-    pq.write_table(pa.table({"t": np.zeros(20_000_000, np.int8)}), folder / "a.parquet")
-    return folder / "a.parquet"
-
-
-@pytest.mark.parametrize("write", [zeros, padding, repeated])
-def test_a_compressed_file_that_promises_too_much_is_refused(tmp_path, write):
-    with pytest.raises(RecordingError, match=r"declares .* numbers, which need"):
-        read_columns((write(tmp_path),), TextFormat())
-
-
-@pytest.mark.parametrize("compressed", [False, True])
-@pytest.mark.parametrize("kind", [0, 8, 10, 11, 19, 33033])
-def test_matlab_data_of_an_unknown_type_are_refused_because_scipy_crashes(tmp_path, compressed, kind):
-    path = tmp_path / "a.mat"
-    savemat(path, {"t": np.arange(8.0), "imu": {"acc": np.ones((8, 3))}})
-    content = bytearray(path.read_bytes())
-    double, size = (9).to_bytes(4, "little"), (8 * 8).to_bytes(4, "little")
-    at = content.index(double + size)
-    content[at : at + 4] = kind.to_bytes(4, "little")
-    if compressed:
-        length = int.from_bytes(content[132:136], "little") + 8
-        packed = zlib.compress(bytes(content[128 : 128 + length]))
-        tag = (15).to_bytes(4, "little") + len(packed).to_bytes(4, "little")
-        content[128 : 128 + length] = tag + packed
-    path.write_bytes(content)
-
-    with pytest.raises(RecordingError, match=rf"as a MATLAB file \(ValueError: unknown data type {kind}\)"):
-        read_columns((path,), TextFormat())
-
-
 def test_a_table_with_only_a_header_is_refused(tmp_path, typed):
     (tmp_path / "a.csv").write_text("t,lat,lon,height,ax,ay,az,gx,gy,gz\n")
 
@@ -247,18 +167,6 @@ def test_a_table_with_only_a_header_is_refused(tmp_path, typed):
 
     assert done.returncode == 2
     assert "a.csv has no rows of data; it needs one line for each time stamp." in done.stderr
-
-
-def test_unsigned_numbers_of_64_bits_are_read_and_a_counter_from_its_highest_bit(tmp_path):
-    most = 2**64 - 1
-    savemat(tmp_path / "a.mat", {"t": np.array([1, 2**53 + 1], np.uint64), "x": np.array([3, most], np.uint64)})
-    columns = read_columns((tmp_path / "a.mat",), TextFormat())
-    assert columns.stamps_ns("t", "ns").tolist() == [1, 2**53 + 1]
-    np.testing.assert_array_equal(columns.numbers(["x"], most=1e20)[:, 0], [3.0, float(most)])
-    savemat(tmp_path / "a.mat", {"t": 2**63 + np.array([0, 1, 5], np.uint64)})
-    columns = read_columns((tmp_path / "a.mat",), TextFormat())
-    assert columns.stamps_ns("t", "s").tolist() == [0, 1_000_000_000, 5_000_000_000]
-    np.testing.assert_array_equal(columns.numbers(["t"], most=1e20)[:, 0], [2.0**63] * 3)
 
 
 def test_quaternions_of_zeros_are_no_attitude(tmp_path):
@@ -317,13 +225,6 @@ def test_a_damaged_sentence_is_dropped_and_counted(tmp_path, lines, dropped):
     assert dropped in " ".join(recording.notes)
 
 
-def test_a_number_of_400_digits_is_named(tmp_path):
-    (tmp_path / "a.csv").write_text("t,x\n0,1\n1,x\n2," + "9" * 400 + "\n")
-    columns = read_columns((tmp_path / "a.csv",), TextFormat())
-    with pytest.raises(RecordingError, match="row 2, column x: 'x' is not a number"):
-        columns.numbers(["x"])
-
-
 def test_an_imu_table_beside_a_solution_is_dated(tmp_path):
     rtklib(tmp_path, rows_of("latitude"))
     t = START + np.arange(0, ROWS, 0.01)
@@ -334,16 +235,6 @@ def test_an_imu_table_beside_a_solution_is_dated(tmp_path):
 
     assert len(recording.inertial.t_s) == len(t) - 1
     assert any("1 of 600 rows have a date" in note for note in recording.notes)
-
-
-def test_text_that_a_dictionary_codes_does_not_fill_the_memory(tmp_path):
-    rows, long = 200_000, "x" * 100_000
-    table = pa.table({"t": np.arange(rows) * 0.1, "text": pa.DictionaryArray.from_arrays(np.zeros(rows, "i4"), [long])})
-    pq.write_table(table, tmp_path / "a.parquet", store_schema=False)
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    columns = read_columns([tmp_path / "a.parquet"], TextFormat())
-    assert len(columns) == rows
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 500_000  # kB; as plain text it is 20 GB
 
 
 AXES = np.random.default_rng(0).normal(0, 0.5, (1000, 3))
