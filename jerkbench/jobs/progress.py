@@ -114,9 +114,10 @@ class Progress:
         """Return the progress as a line of text, for output to a file or a pipe."""
         task = self._bar.tasks[self._task]
         done = int(task.completed)
-        remaining = f", about {duration(seconds / done * (self._left - done))} left" if done else ""
+        # an estimate from a few units would be inaccurate
+        left = f", about {duration(seconds / done * (self._left - done))} left" if done > 0.05 * self._left else ""
         trouble = f"; {task.fields['trouble']}" if task.fields["trouble"] else ""
-        return f"{self._doing}: {done} of {self._left} {self._things} after {duration(seconds)}{remaining}{trouble}."
+        return f"{self._doing}: {done} of {self._left} {self._things} after {duration(seconds)}{left}{trouble}."
 
     def _write(self, line: str) -> None:
         self._bar.console.print(line, highlight=False, soft_wrap=True)
