@@ -138,13 +138,13 @@ def tune_all(overrides: Sequence[str], *, several: bool, compare: bool = False) 
     evaluators = [Evaluator(space_of(job, options.knobs, measured), objective, runs, threads) for job in first_jobs]
     cases = [cases_of(of_method, options, config["first_seed"]) for of_method in jobs]
     names = _names(first_jobs)
-    unused = _unused_runs(shared, options, jobs[0], drives, cases[0].next_seed) if compare else []
+    unseen = [f"first_seed={first}", f"seeds={options.test_seeds}"] if (first := cases[0].next_seed) else []
+    unused = _unused_runs(shared, options, jobs[0], drives, unseen) if compare else []
     with workers, Progress(len(names) * budget.trials, doing="Tuning", unit="settings") as progress:
         advance = partial(progress.advance, ())
         tunings = [tune(*method, budget, advance) for method in zip(names, cases, evaluators, strict=True)]
     for tuning, method in zip(tunings, methods, strict=True):
-        presets = folder / tuning.name / "conf"
-        command = _command(tuning, presets, shared, method, several=len(scenarios) > 1)
+        command = _command(tuning, folder / tuning.name / "conf", shared, method, unseen, several=len(scenarios) > 1)
         print(write_tuning(tuning, folder / tuning.name, command))
     print(tunings_table(tunings))
     print(f"\nSettings, presets and trials: {folder}")
@@ -153,14 +153,13 @@ def tune_all(overrides: Sequence[str], *, several: bool, compare: bool = False) 
 
 
 def _unused_runs(
-    typed: Arguments, options: TuneOptions, jobs: Sequence[Job], drives: Sequence[Recording], next_seed: int | None
+    typed: Arguments, options: TuneOptions, jobs: Sequence[Job], drives: Sequence[Recording], unseen: Arguments
 ) -> list[str]:
     """Return the arguments that restrict a comparison to runs, recordings or times that the tuning has not used.
 
     If the only reference consists of the fixes that the filters use, some fixes are withheld for the comparison.
     """
-    arguments = [f"first_seed={next_seed}", f"seeds={options.test_seeds}"] if next_seed else []
-    split = _split_of(options, jobs)
+    split, arguments = _split_of(options, jobs), [*unseen]
     if split in HELD_OUT:
         names = [f"[{name.replace('+', ',')}]" if "+" in name else name for name in options.held_out]
         arguments.append(f"{HELD_OUT[split]}={','.join(names)}")
@@ -238,12 +237,13 @@ def _names(jobs: Sequence[Job]) -> list[str]:
     return [f"{name}-{names[:k].count(name) + 1}" if names.count(name) > 1 else name for k, name in enumerate(names)]
 
 
-def _command(tuning: Tuning, presets: Path, typed: Sequence[str], method: Sequence[str], *, several: bool) -> str:
+def _command(
+    tuning: Tuning, presets: Path, typed: Arguments, method: Arguments, unseen: Arguments, *, several: bool
+) -> str:
     """Return the command that runs the tuned method on the same scenarios with unused seeds."""
     preset_choice = preset_overrides(tuning, typed="experiment" in map(owner, typed))
     folders = [argument for folder in (presets, *user_folders()) for argument in ("--config-dir", str(folder))]
-    unseen = [f"first_seed={tuning.cases.next_seed}"] if tuning.cases.next_seed else []
-    shared = [argument for argument in typed if not (unseen and argument.startswith("first_seed="))]
+    shared = [argument for argument in typed if not (unseen and argument.startswith(("first_seed=", "seeds=")))]
     return shlex.join(
         ["jerkbench", "run", *["-m"] * several, *folders, *shared, *_not_tuned(tuning, method), *preset_choice, *unseen]
     )
