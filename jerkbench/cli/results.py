@@ -104,7 +104,7 @@ def _write(table: "Table", arguments: argparse.Namespace) -> None:
     from jerkbench.report.writers import WRITERS
 
     if arguments.format == "terminal":
-        print_table(table, arguments.folder, wide=arguments.wide, every_note=arguments.notes)
+        print_table(table, "repeat the command with --notes", wide=arguments.wide, every_note=arguments.notes)
     else:
         print(WRITERS[arguments.format](table), end="")
 

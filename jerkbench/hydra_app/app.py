@@ -1,6 +1,7 @@
 """The Hydra application of `jerkbench run`, which plans a single run or a sweep, runs it and writes the results."""
 
 import os
+import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -229,7 +230,7 @@ def _write_and_print(store: Store, seeds: JobSeeds, config: DictConfig, level: f
     shown = study.only(seeds)
     if len(shown.rows) < len(study.rows):
         table = summarise(shown.rows, main_metric(shown.rows), notes=shown.notes)
-    print_table(table, study.folder, max_rows=MAX_ROWS)
+    print_table(table, f"jerkbench table {shlex.quote(str(study.folder))} --notes", max_rows=MAX_ROWS)
     print(f"\nRows, tables and manifest: {store.folder.parent}", flush=True)
     return shown
 

@@ -5,8 +5,6 @@ import math
 import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
-from shlex import quote
 from textwrap import shorten, wrap
 from typing import TYPE_CHECKING
 
@@ -45,13 +43,13 @@ _STYLES = {"best": "bold", "trouble": "red", "absent": "dim"}
 
 
 def print_table(
-    table: Table, folder: Path, *, wide: bool = False, every_note: bool = False, max_rows: int | None = None
+    table: Table, all_notes: str, *, wide: bool = False, every_note: bool = False, max_rows: int | None = None
 ) -> None:
     """Print a table with its most important notes. If the output is a pipe, each cell is printed on one line.
 
     Args:
         table: table to print.
-        folder: folder of the study, which the line about the other notes contains.
+        all_notes: how the user can print all notes, for the line about the other notes.
         wide: whether to print the geometric mean in addition to the median.
         every_note: whether to print all notes.
         max_rows: maximum number of rows to print, or None to print all rows.
@@ -63,7 +61,7 @@ def print_table(
     table = table if wide else without_geometric(table)
     console = _console()
     width = console.width if console.is_terminal else None
-    notes = table.footnotes if every_note else shown_notes(table.footnotes, folder, width)
+    notes = table.footnotes if every_note else shown_notes(table.footnotes, all_notes, width)
     _print(terminal_table(dataclasses.replace(table, footnotes=tuple(notes)), width))
 
 
@@ -83,7 +81,7 @@ def _without_geometric(cell: TableCell | None) -> TableCell | None:
     return cell if cell is None or math.isinf(cell.mean) else cell._replace(geometric=math.nan)
 
 
-def shown_notes(notes: Sequence[str], folder: Path, width: int | None) -> list[str]:
+def shown_notes(notes: Sequence[str], all_notes: str, width: int | None) -> list[str]:
     """Return the most important notes, one line each, and a line with the number of the other notes."""
     if len(notes) <= MAX_NOTE_LINES and sum(len(wrap(note, width or len(note))) for note in notes) <= MAX_NOTE_LINES:
         return list(notes)
@@ -94,7 +92,7 @@ def shown_notes(notes: Sequence[str], folder: Path, width: int | None) -> list[s
     lines = [note if width is None else shorten(note, width, placeholder=" ...") for note in first]
     left = len(notes) - len(first)
     others = f"{left} more note{'s' * (left > 1)}" if left else "The complete notes"
-    return [*lines, f"{others}: jerkbench table {quote(str(folder))} --notes"]
+    return [*lines, f"{others}: {all_notes}"]
 
 
 def print_run(rows: "pd.DataFrame") -> None:

@@ -6,7 +6,6 @@ import json
 import math
 import re
 from dataclasses import dataclass
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -121,7 +120,7 @@ def test_csv_reads_back_with_all_digits(rows):
 def test_the_terminal_shows_brackets_one_cell_and_the_metric_that_is_asked_for(rows, capsys):
     both = pd.concat([rows, rows.assign(disturbance="bias")])
     table = summarise(both, "position_rmse_m", notes=("A note.",))
-    print_table(table, Path("study"), every_note=True)
+    print_table(table, "jerkbench table study --notes", every_note=True)
     out = capsys.readouterr().out
     assert re.search(r"\*\*0\.0125\*\* \[0\.01\d\d, 0\.01\d\d\]", out)
     assert "(4/8 diverged)" in out
@@ -132,7 +131,7 @@ def test_the_terminal_shows_brackets_one_cell_and_the_metric_that_is_asked_for(r
     assert "ANEES of position and velocity" in out
     assert "outage" not in out
     assert "seed 4 diverged: The position error is 4000 m at 3.00 s; the limit is 1000 m." in out
-    print_table(summarise(rows, "anees"), Path("study"))
+    print_table(summarise(rows, "anees"), "jerkbench table study --notes")
     assert capsys.readouterr().out.startswith("ANEES of position and velocity")
 
 
@@ -170,13 +169,13 @@ def test_the_terminal_shows_the_important_notes_and_the_geometric_mean_only_wher
     failed = rows["filter"] == "baseline"
     rows = rows.assign(status=rows["status"].mask(failed, "failed"), reason="ValueError: no.")
     table = summarise(rows, "position_rmse_m", notes=("First.", "2 damaged files of results are left out: a, b."))
-    print_table(table, Path("study"))
+    print_table(table, "jerkbench table study --notes")
     out = capsys.readouterr().out
     assert " gm " not in out
     *_, first, second, last = out.splitlines()
     assert [first.strip(), second.strip()] == ["Failed: ValueError: no.", table.footnotes[-1]]
     assert last.strip() == f"{len(table.footnotes) - 3} more notes: jerkbench table study --notes"
-    print_table(table, Path("study"), wide=True, every_note=True)
+    print_table(table, "jerkbench table study --notes", wide=True, every_note=True)
     out = capsys.readouterr().out
     assert " gm 0.0124" in out
     assert all(note in out for note in table.footnotes)
@@ -184,7 +183,7 @@ def test_the_terminal_shows_the_important_notes_and_the_geometric_mean_only_wher
 
 def test_of_a_long_table_the_terminal_has_the_beginning(cell_rows, capsys):
     frame = pd.DataFrame([row for name in "abcd" for row in cell_rows(name, "none", [1.0, 2.0])])
-    print_table(summarise(frame, "position_rmse_m"), Path("study"), max_rows=3)
+    print_table(summarise(frame, "position_rmse_m"), "jerkbench table study --notes", max_rows=3)
     out = capsys.readouterr().out
 
     assert "These are the first 3 of 4 rows; table.md has all." in out
