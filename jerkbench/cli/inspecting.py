@@ -199,4 +199,4 @@ def smooth_command(arguments: argparse.Namespace) -> None:
         print(line)
     print(f"Track: {target}")
     if arguments.figure is not None:
-        _save(overview_figure(track.recording), arguments.figure)
+        _save(overview_figure(track.recording, "smoothed"), arguments.figure)

@@ -225,9 +225,9 @@ _Line = tuple[FloatArray, FloatArray, dict[str, Any]]
 """The coordinates of the points of a line, and its style for matplotlib."""
 
 
-def overview_figure(recording: Recording) -> Figure:
-    """Draw a figure with a panel for each quantity that the recording has."""
-    panels = {label: lines for label, lines in _panels(recording).items() if lines}
+def overview_figure(recording: Recording, reference: str = "reference") -> Figure:
+    """Draw a figure with a panel for each quantity that the recording has. Legends call the reference ``reference``."""
+    panels = {label: lines for label, lines in _panels(recording, reference).items() if lines}
     rows = (len(panels) + 1) // 2
     figure = Figure(figsize=(10.0, 3.0 * max(rows, 1)), dpi=DOTS_PER_INCH, layout="constrained")
     for k, (label, lines) in enumerate(panels.items()):
@@ -249,10 +249,10 @@ def overview_figure(recording: Recording) -> Figure:
     return figure
 
 
-def _panels(recording: Recording) -> dict[str, list[_Line]]:
+def _panels(recording: Recording, name: str) -> dict[str, list[_Line]]:
     """Return the lines of each panel, by the label of its vertical axis."""
     imu, position = recording.imu, recording.position
-    track, speed = _lines_of_track(recording)
+    track, speed = _lines_of_track(recording, name)
     panels = {_TRACK: track, _SPEED: speed}
     if imu is not None:
         panels["Specific force [m/s²]"] = _lines_of_axes(imu.t_s, imu.accel_mps2, _AXES["body"], 0.5)
@@ -272,7 +272,7 @@ def _lines_of_axes(t_s: FloatArray, values: FloatArray, names: tuple[str, ...], 
     ]
 
 
-def _lines_of_track(recording: Recording) -> tuple[list[_Line], list[_Line]]:
+def _lines_of_track(recording: Recording, name: str) -> tuple[list[_Line], list[_Line]]:
     """Return the lines of the horizontal positions and of the speeds, for the measurements and for the reference."""
     position, velocity, reference = recording.position, recording.velocity, recording.reference
     track, speed = list[_Line](), list[_Line]()
@@ -280,12 +280,12 @@ def _lines_of_track(recording: Recording) -> tuple[list[_Line], list[_Line]]:
         style = {"color": MEASURED, "linestyle": "none", "marker": ".", "markersize": 4.0, "label": "measured"}
         track.append((*position.enu_m[:, :2].T, style))
     if reference.enu_m is not None:
-        track.append((*reference.enu_m[:, :2].T, {"color": REFERENCE, "linewidth": 0.8, "label": "reference"}))
+        track.append((*reference.enu_m[:, :2].T, {"color": REFERENCE, "linewidth": 0.8, "label": name}))
     if velocity is not None:  # speed over ground in ENU, or forward speed in other frames
         t_s, mps = without_nan_rows(velocity.t_s, velocity.mps[:, : 2 if velocity.frame == "enu" else 1])
         style = {"color": OKABE_ITO[0], "linewidth": 0.9, "label": "measured"}
         speed.append((t_s, np.linalg.norm(mps, axis=1), style))
     if reference.velocity_mps is not None:
-        style = {"color": REFERENCE, "linewidth": 0.7, "linestyle": "--", "label": "reference"}
+        style = {"color": REFERENCE, "linewidth": 0.7, "linestyle": "--", "label": name}
         speed.append((reference.t_s, np.linalg.norm(reference.velocity_mps[:, :2], axis=1), style))
     return track, speed
