@@ -116,7 +116,7 @@ RECORDINGS = {
 }
 """Folder of a study's recording, where it is not called as the study is."""
 
-BLOCK = re.compile(r"<!-- small:\n(.*?)-->\n```sh\n(.*?)```", flags=re.DOTALL)
+BLOCK = re.compile(r"((?:<!-- small: [^\n]* -->\n)+)```sh\n(.*?)```", flags=re.DOTALL)
 
 
 def commands(study):
@@ -125,7 +125,7 @@ def commands(study):
     blocks = BLOCK.findall(text)
     assert len(blocks) == text.count("```sh\n"), f"experiments/{study}/README.md has commands without <!-- small: -->"
     for more, block in blocks:
-        yield from zip(block.splitlines(), more.splitlines(), strict=True)
+        yield from zip(block.splitlines(), re.findall("<!-- small: (.*) -->", more), strict=True)
 
 
 def words(command, more):

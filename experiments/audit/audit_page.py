@@ -441,8 +441,13 @@ def _texts(paths: Iterable[Path]) -> str:
     return "\n\n".join(path.read_text(encoding="utf-8").strip() for path in paths if path.exists())
 
 
-def compared_text(methods: Sequence[AuditMethod], first: Statements, second: Statements) -> str:
-    """Return text with the number of verdicts that differ between two audits, and a list of the reversed verdicts."""
+def compared_text(
+    methods: Sequence[AuditMethod], first: Statements, second: Statements, without: Mapping[str, Sequence[Statements]]
+) -> str:
+    """Return text with the number of verdicts that differ between two audits, and a list of the reversed verdicts.
+
+    The mapping ``without`` contains the statements of both audits about the drives without a kind of fault.
+    """
     families = ("own", first.same_model_plain, second.same_model_plain), ("best", first.best_plain, second.best_plain)
     changed = [
         (method.name, against, one.verdict, other.verdict)
@@ -451,15 +456,24 @@ def compared_text(methods: Sequence[AuditMethod], first: Statements, second: Sta
         if one.verdict is not other.verdict
     ]
     opposite = [change for change in changed if {*change[2:]} == {Verdict.BETTER, Verdict.WORSE}]
-    head = (
-        f"A second audit has other drives and other tunings. Of {2 * len(methods)} verdicts, {len(changed)} differ;"
-        f" {len(opposite)} change between better and worse{', which is a defect' * bool(opposite)}. On average,"
-        f" adaptation multiplies the error by {first.average} in the first audit, and by {second.average} in the second"
-        f" audit. The error of the best adaptive filter divided by the error of the best plain filter is {first.pick}"
-        f" in the first audit, and {second.pick} in the second audit."
-    )
+    turned = f"{len(opposite)} verdicts change" if opposite else "No verdict changes"
+    average = "On average over the adaptive filters from the literature, adaptation multiplies the error by"
+    best = "the error of the best adaptive filter divided by the error of the best plain filter is"
+    sentences = [
+        "A second audit repeats the first audit with other simulated drives and other tunings.",
+        f"The two audits differ in {len(changed)} of {2 * len(methods)} verdicts about single adaptive filters.",
+        f'{turned} between "better" and "worse"{", which is a defect" * bool(opposite)}.',
+        f"{average} {interval(first.average)} in the first audit.",
+        f"In the second audit, adaptation multiplies the error by {interval(second.average)} on average.",
+    ]
+    for kind, (one, other) in without.items():
+        subject = f"On the drives without {kind}, adaptation multiplies the error by"
+        sentences.append(f"{subject} {interval(one.average)} in the first audit.")
+        sentences.append(f"{subject} {interval(other.average)} in the second audit.")
+    sentences.append(f"{best.capitalize()} {interval(first.pick)} in the first audit.")
+    sentences.append(f"In the second audit, {best} {interval(second.pick)}.")
     lines = (f"\n- {name}, {against} plain filter: {one}, then {other}" for name, against, one, other in opposite)
-    return head + "".join(lines)
+    return " ".join(sentences) + "".join(lines)
 
 
 def reweighted_text(rows: AuditRows, mixture: str) -> str:
@@ -480,7 +494,10 @@ def main() -> None:
     chosen = parser.parse_args()
     if chosen.second:
         audits = [read_rows(folder) for folder in (chosen.folder, chosen.second)]
-        text = compared_text(audits[0].protocol.methods, *(statements(losses_of(rows)) for rows in audits))
+        losses = [losses_of(rows) for rows in audits]
+        kind = main_kind(audits[0], losses[0])
+        without = {kind: [reweighted(*each, f"{kind}=0") for each in zip(audits, losses, strict=True)]}
+        text = compared_text(audits[0].protocol.methods, *map(statements, losses), without)
         write_text(chosen.folder / SECOND, text)
     if chosen.reweight:
         print(reweighted_text(read_rows(chosen.folder), chosen.reweight))

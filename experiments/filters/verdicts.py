@@ -24,7 +24,7 @@ KINDS = tuple(Verdict)
 
 
 def centres_of(rows: pd.DataFrame) -> dict[tuple[str, ...], Centre]:
-    """Return the geometric mean of each scenario, filter and adaptation; with lost or locked-out runs the median."""
+    """Return the centre of the errors (`centres`) of each scenario, filter and adaptation."""
     values = rows[METRIC].where(rows["status"] == "ok", np.inf)
     groups = values.groupby([rows[key] for key in (*SCENARIO, "filter", "adaptation")], sort=False)
     samples = {key: group.to_numpy(dtype=float) for key, group in groups}

@@ -274,8 +274,9 @@ def ratio_sentence(d: FloatArray, taken: Taken, unit: str) -> str:
     result = over_replicates(d, taken)
     low, high = result.exact
     median = f"on the median {unit}, adaptation multiplies the error by {result.median:.2f} [{low:.2f}, {high:.2f}]."
-    wins = f"The average ratio is below 1 on {result.wins} of {result.n} {unit}s"
-    test = f"(sign test, p = {result.p:.2g}: **{result.verdict}**)."
+    count = "No" if result.wins == 0 else f"{result.wins} of {result.n}"
+    wins = f"{count} {unit}{'s' * (result.wins > 0)} {'have' if result.wins > 1 else 'has'} an average ratio below 1"
+    test = f"(sign test with {result.n} {unit}s, p = {result.p:.2g}: **{result.verdict}**)."
     largest = f"The {unit} `{result.worst}` has the largest average ratio, {result.worst_ratio:.2f}."
     return f"{median} {wins} {test} {largest}"
 
