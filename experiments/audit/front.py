@@ -61,7 +61,7 @@ filters equally, and tested them on {audit.y.shape[2]} other simulated drives. O
 {counts["outliers"][0]} adaptive filters are significantly better than the plain filter of the same model, and
 {counts["outliers"][1]} are worse. On drives without a fault, no adaptive filter is better, and
 {counts["no fault"][1]} are worse. On average, adaptation multiplies the error by {average[0]:.2f} (95 % interval
-{average[1]:.2f} to {average[2]:.2f}). On drives without outliers, the average factor is {without[0]:.2f}
+{average[1]:.2f} to {average[2]:.2f}). Without outliers, adaptation multiplies the error by {without[0]:.2f}
 ({without[1]:.2f} to {without[2]:.2f}). On {trips} real GNSS trips, the median factor is {ratio} ({low} to {high})."""
     limits = "[The audit](experiments/audit/README.md) describes the method, the ranking and the limits."
     caption = (

@@ -71,7 +71,7 @@ def test_the_command_that_is_printed_runs_what_was_tuned_where_it_was_tuned(tune
     place = folder / "results/adhoc/tune/baseline-chi2"
     setting = json.loads((place / "tuning.json").read_text())["setting"]
     command = printed((place / "tuning.md").read_text())
-    assert command[-1] == "first_seed=4"  # 0 to 3 are of the tuning
+    assert command[-2:] == ["first_seed=4", "seeds=2"]  # 0 to 3 are of the tuning, and 2 seeds are of the test
 
     done = verb(*command, "seeds=1", "study=printed", "figures=false", cwd=folder)
 
