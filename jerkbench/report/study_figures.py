@@ -125,9 +125,9 @@ def draw_study(study: Study, request: Request, workers: int) -> DrawnStudy:
     """
     if request.choice is Choice.NONE:
         return [], []
-    chunks = [[task] for task in enumerate(_drawing_tasks(study, request))]
-    done: dict[int, DrawnStudy] = {}
-    with Progress(len(chunks), doing="Figures", unit="sets of figures") as progress, Workers(count=workers) as pool:
+    chunks, done = [[task] for task in enumerate(_drawing_tasks(study, request))], dict[int, DrawnStudy]()
+    count = workers if len(chunks) > 2 else 1  # starting processes takes longer than a few figures
+    with Progress(len(chunks), doing="Figures", unit="sets of figures") as progress, Workers(count=count) as pool:
         for ((index, _),), drawn in outcomes(_draw_first, chunks, pool.pool(len(chunks))):
             if isinstance(drawn, Exception):
                 raise drawn
