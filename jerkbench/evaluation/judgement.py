@@ -222,17 +222,17 @@ def max_t(d: FloatArray) -> MaxT:
     fraction = _fractions(d.shape[1])
     scattered = standard_errors(d) > 0
     rows = d[scattered]
-    parts = [rows[start : start + _BATCH] for start in range(0, len(rows), _BATCH)]
-    scales = np.concatenate([np.empty((3, 0)), *(_scales(_resampled(part, fraction)) for part in parts)], axis=1)
+    starts = range(0, len(rows), _BATCH)
+    resampled = lru_cache(256)(lambda start: _resampled(rows[start : start + _BATCH], fraction))  # at most 70 MB
+    scales = np.concatenate([np.empty((3, 0)), *(_scales(resampled(start)) for start in starts)], axis=1)
     known = np.isfinite(scales[0])
     if known.any():
         common = np.quantile(scales[:2, known], COMMON, axis=1, method="higher")
         scales[:2] = np.maximum(scales[:2], common[:, None])
     largest = np.where(fraction.max(axis=0) == 1.0, np.inf, -np.inf)  # a resample of a single seed has no spread
-    for number, part in enumerate(parts):
-        t = _resampled(part, fraction)
-        start = number * _BATCH
-        scores = np.where(np.isfinite(t), _scores(t, scales[:, start : start + len(part), None]), -np.inf)
+    for start in starts:
+        t = resampled(start)
+        scores = np.where(np.isfinite(t), _scores(t, scales[:, start : start + _BATCH, None]), -np.inf)
         # a resample of a mean without spread gets the largest score of the other resamples of this mean
         scores = np.where(np.isfinite(t), scores, scores.max(axis=1, keepdims=True))
         np.maximum(largest, scores.max(axis=0), out=largest)
