@@ -88,7 +88,7 @@ def _findings(study: "Study", verdicts: "StudyVerdicts", baseline: "Mapping[str,
     from jerkbench.report.findings import answer, findings
     from jerkbench.report.study_verdicts import across
 
-    compared = findings(study.rows, verdicts, baseline)
+    compared = findings(study.rows, verdicts, baseline, every=every)
     if (left := len(compared) - MAX_PRINTED) > 0 and not every:
         compared = [*compared[:MAX_PRINTED], f"{left} more comparisons: --findings --all prints them."]
     standings = verdicts.standings

@@ -302,7 +302,7 @@ WINS = (Verdict.BETTER, Verdict.FEWER_FAILED)
 DEFEATS = (Verdict.WORSE, Verdict.MORE_FAILED)
 BY_FAILURES = (Verdict.FEWER_FAILED, Verdict.MORE_FAILED)
 
-NOT_EXCLUDED = "rare failures cannot be excluded"
+NOT_EXCLUDED = "more seeds are needed to exclude rare failures"
 """Reason for "undecided": the errors are equal, but the number of seeds is too small to exclude rare failures."""
 
 FAILED_MORE = "the method with the smaller errors failed in more runs"

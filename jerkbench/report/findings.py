@@ -169,21 +169,25 @@ def _named(names: Sequence[str]) -> str:
 # Findings: sentences about the comparisons with the baselines of a study.
 
 
-def findings(rows: "pd.DataFrame", verdicts: StudyVerdicts, baseline: Mapping[str, str] | None = None) -> list[str]:
+def findings(
+    rows: "pd.DataFrame", verdicts: StudyVerdicts, baseline: Mapping[str, str] | None = None, *, every: bool = False
+) -> list[str]:
     """Return a sentence for each comparison with ``baseline``, sorted by decreasing size of the difference.
 
-    If ``baseline`` is None, the baselines are ``adaptation=none`` and ``filter=baseline``. If the study has no run with
-    such a baseline, all pairs of methods are compared. The result is empty for a metric for which lower values are not
-    better.
+    If ``baseline`` is None, the baselines are ``adaptation=none`` and ``filter=baseline``. If ``every`` is True, or if
+    the study has no run with such a baseline, all other pairs of methods follow. The result is empty for a metric for
+    which lower values are not better.
 
     Raises:
         JerkbenchError: no combination has the values of the baseline.
     """
     baselines = [baseline] if baseline else study_baselines(rows)
     found = [pair for values in baselines if verdicts.standings for pair in verdicts.against(values)]
-    found = found or [pair for standing in verdicts.standings for pair in standing.comparisons]
-    varying = varying_factors(rows)
-    return [finding(comparison, varying) for comparison in sorted(found, key=_order)]
+    if every or not found:
+        known = {frozenset((pair.subject, pair.baseline)) for pair in found}
+        others = (pair for standing in verdicts.standings for pair in standing.comparisons)
+        found += [pair for pair in others if frozenset((pair.subject, pair.baseline)) not in known]
+    return [finding(comparison, varying_factors(rows)) for comparison in sorted(found, key=_order)]
 
 
 def _order(comparison: Comparison) -> float:
@@ -251,8 +255,7 @@ def method_names(comparison: Comparison, varying: Sequence[str]) -> tuple[str, s
     """
     differ = [key for key, a, b in zip(FACTORS, comparison.subject, comparison.baseline, strict=True) if a != b]
     named = [key for key in FACTORS if key in differ or (key in ("filter", "adaptation") and key in varying)]
-    places = [key for key in varying if key not in named]
-    where = ", ".join(getattr(comparison.subject, key) for key in places)
+    where = ", ".join(getattr(comparison.subject, key) for key in varying if key not in named)
     subject, baseline = (
         "+".join(getattr(of, key) for key in named) for of in (comparison.subject, comparison.baseline)
     )

@@ -24,9 +24,6 @@ MIN_SETTINGS = 3
 _CREDIBLE = 0.5, 2.0
 """Range in which the ratio of the ANEES to its expected value is accepted as approximately consistent."""
 
-_ACCEPTED = f"Accepted: {_CREDIBLE[0]:g} to {_CREDIBLE[1]:g} times."
-"""Text about the criterion of the consistency check."""
-
 REPLACED = re.compile(r"(\w+)_(?:sigma|variance|covariance)_[a-z0-9]+")
 """Matches the names of parameters of a data set or a filter that replace the accuracy reported by the receiver."""
 
@@ -190,8 +187,9 @@ def _consistency(rows: "pd.DataFrame", metric: str) -> Answered:
     anees = grid.cells("anees")
     ratios = [anees[combination].mean / EXPECTED_ANEES for combination in best.values()]
     wrong = sum(not _CREDIBLE[0] <= ratio <= _CREDIBLE[1] for ratio in ratios)
-    found = f"The ANEES of the best method of each scenario is {min(ratios):.2g} to {max(ratios):.2g} times 6."
-    return not wrong, f"{found} {_ACCEPTED}" + f" Not accepted in {wrong} of {scenarios} scenarios." * bool(wrong)
+    value = f"{min(ratios):.2g} to {max(ratios):.2g} times the expected value {EXPECTED_ANEES:g}"
+    found = f"The ANEES of the best method of each scenario is {value}. Accepted: {_CREDIBLE[0]:g} to {_CREDIBLE[1]:g}."
+    return not wrong, found + f" Not accepted in {wrong} of {scenarios} scenarios." * bool(wrong)
 
 
 def _independence(cells: ReviewedCells) -> Answered:

@@ -232,11 +232,6 @@ def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerd
 # The three table files of a study: table.md, table.csv, table.tex.
 
 
-def sections_wanted() -> list[str]:
-    """Return the metrics whose tables follow the main table in table.md, in the order of these tables."""
-    return sorted((name for name, of in declared().items() if of.section), key=lambda name: declared()[name].section)
-
-
 MANY_CELLS = 20_000
 """If a study has more combinations, table.md contains only the main table. The file table.csv contains all metrics."""
 
@@ -254,7 +249,8 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
     first = main_metric(rows)
     main = summarise(rows, first, notes=notes)
     grid = arranged(with_metric(rows, first), None, None)
-    sections, wanted = {first: markdown(main, level=1)}, sections_wanted()
+    sections, known = {first: markdown(main, level=1)}, declared()
+    wanted = sorted((name for name in known if known[name].section), key=lambda name: known[name].section)
 
     def tables() -> Iterator[Table]:
         """Yield all tables for table.csv. The sections of table.md are created from the same cells."""

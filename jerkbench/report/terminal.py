@@ -134,7 +134,7 @@ def terminal_table(table: Table, width: int | None) -> "Group":
 def _lines(table: Table) -> "Iterator[Text]":
     names = table.header[len(table.row_keys) :]
     for values, cells in zip(table.rows, table.cells, strict=True):
-        yield _plain(", ".join(values), "italic")
+        yield _plain(", ".join(map(" ".join, zip(table.row_keys, values, strict=True))), "italic")
         for name, cell in zip(names, cells, strict=True):
             if cell is not None:
                 yield _plain(f"  {name:<{max(map(len, names))}}  ") + _text(cell)

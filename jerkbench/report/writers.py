@@ -60,8 +60,6 @@ SPECIAL = {
 }
 """Characters with a special meaning in LaTeX, and their LaTeX code."""
 
-SETUP = r"\sisetup{detect-weight=true, mode=text}"
-
 _PLAIN = re.compile(r"-?[0-9]+(\.[0-9]+)?")
 """Matches numbers that siunitx can align in a column."""
 
@@ -73,9 +71,6 @@ VALUES = (
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """Characters with which a spreadsheet starts a formula."""
-
-FAILED_VALUE = "lost"
-"""JSON value that replaces an infinite number, which means that the median run failed."""
 
 
 def markdown(table: Table, level: int = 2) -> str:
@@ -128,10 +123,10 @@ def latex(table: Table) -> str:
     if notes:
         begin = [r"", r"  \smallskip", r"  \noindent\begin{minipage}{\linewidth}\footnotesize\raggedright"]
         notes = [*begin, *notes, r"  \end{minipage}"]
-    start = [r"\begin{table}", r"  \centering", rf"  {SETUP}", f"  {caption}", r"  \small"]
+    start = [r"\begin{table}", r"  \centering", r"  \sisetup{detect-weight=true, mode=text}"]
     head = [rf"  \begin{{tabular}}{{{columns}}}", *ruled]
     end = [r"    \bottomrule", r"  \end{tabular}", *notes, r"\end{table}", ""]
-    return "\n".join([r"% \usepackage{booktabs,siunitx}", *start, *head, *body, *end])
+    return "\n".join([r"% \usepackage{booktabs,siunitx}", *start, f"  {caption}", r"  \small", *head, *body, *end])
 
 
 def latex_escaped(text: str) -> str:
@@ -198,7 +193,7 @@ def table_json(table: Table) -> str:
 
 def _json_value(value: object) -> object:
     if value == math.inf:
-        return FAILED_VALUE
+        return "lost"  # the median run failed
     return None if isinstance(value, float) and math.isnan(value) else value
 
 

@@ -135,6 +135,9 @@ def test_the_largest_finding_comes_first_and_only_one_factor_differs(study):
     assert re.fullmatch(r"bias\+(none|mtf) is \d+\.\d times better than baseline\+(none|mtf) on none", pairs[0])
     assert not any(re.search(r"jerk\+.*(than|and) bias\+|bias\+.*(than|and) jerk\+", pair) for pair in pairs)
     assert len(told) == 3 * 7  # two filters against the baseline with two adaptations, three with mtf against none
+    every = findings(rows, study_verdicts(rows, "position_rmse_m"), every=True)
+    assert len(every) == len(set(every)) == 3 * 15  # all pairs of six methods in three scenarios
+    assert set(told) <= set(every)
 
 
 def test_without_a_baseline_all_pairs_of_methods_are_compared(cell_rows):

@@ -41,7 +41,8 @@ def test_no_interval_is_broken_and_no_line_is_too_long(table, width):
                 assert part in text
             assert all(word in words for word in cell.trouble.split())
     for values in table.rows:
-        assert ", ".join(values) in text or width == 400
+        heading = ", ".join(f"{key} {value}" for key, value in zip(table.row_keys, values, strict=True))
+        assert heading in words or width == 400
 
 
 def test_without_a_terminal_there_are_no_colours_and_with_no_color_none_either(table, monkeypatch):
