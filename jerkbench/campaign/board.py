@@ -196,7 +196,7 @@ def write_board(folder: Path, count: int) -> Path:
     if len(suites) != 1:
         content = f"entries of {', '.join(sorted(suites))}" if suites else "no entry that can be checked"
         reason = f" {remarks[0]}" if remarks else ""
-        raise JerkbenchError(f"{folder} contains {content}; give a folder whose subfolders are entries of one suite.{reason}")
+        raise JerkbenchError(f"{folder} contains {content}; give the parent folder of entries of one suite.{reason}")
     board = board_of(checked, read_suite(suites.pop()), [plain(note) for note in remarks])
     write_text(folder / "board.md", board_markdown(board))
     return folder / "board.md"

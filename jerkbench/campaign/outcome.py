@@ -101,7 +101,7 @@ def _against_first(tunings: Sequence[Tuning]) -> list[str]:
     if not others:
         return []
     if not len(first.score.errors):
-        return ["The methods are not compared with each other: they have no errors on common seeds.", ""]
+        return ["The methods are not compared with each other: a test needs several seeds or recordings.", ""]
     said = judged([log_ratios(other.score.errors, first.score.errors) for other in others])
     heading = (
         f"Error as a ratio to the error of {first.name}, both tuned, on the same seeds, with simultaneous 95 %"

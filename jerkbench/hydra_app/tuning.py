@@ -49,7 +49,7 @@ class TuneOptions:
         sampler_seed: Seed of the sampler. For sobol, the seed determines the scrambling.
         objective: Name of the objective: rmse, likelihood (of the innovations, without a reference), inclination (error
             of an attitude filter) or auto. The value auto selects inclination if the method is an attitude filter,
-            otherwise rmse.
+            likelihood if the log has no reference, and rmse otherwise.
         split: Split of the runs: seeds, time, recordings, families or auto. The value auto selects seeds, or time if a
             scenario is not random.
         share: With split=time, the fraction of the time that is used for tuning.
@@ -128,36 +128,41 @@ def tune_all(overrides: Sequence[str], *, several: bool, compare: bool = False) 
     cluster, count = cluster_of(config), config["workers"] or processors()
     workers, threads = (Workers(), count) if cluster == LOCAL else (Workers(cluster, count), 1)
     folder = study_folder(config) / "tune"
-    runs = CampaignRuns(folder, workers)
-    default = "inclination" if is_attitude_only(jobs[0][0].method.filter) else "rmse"
+    drives = [shared_inputs().undisturbed(job.scenario.dataset, job.draws[0]) for job in jobs[0]]
+    sources = {drive.reference.source for drive in drives if not drive.reference.empty}
+    no_reference = sources <= {THE_FIXES} and "disturbance" not in map(owner, shared)
+    of_position = "likelihood" if no_reference else "rmse"
+    default = "inclination" if is_attitude_only(jobs[0][0].method.filter) else of_position
+    if no_reference and options.objective == "rmse":
+        raise PluginError("No reference for objective=rmse; use objective=likelihood or disturbance=withhold.")
     objective = objective_of(default if options.objective == "auto" else options.objective)
     budget = Budget(options.trials, options.sampler, options.finalists, options.sampler_seed)
-    drives = [shared_inputs().undisturbed(job.scenario.dataset, job.draws[0]) for job in jobs[0]]
     measured = [name for name in R_STREAMS if any(getattr(drive, name) is not None for drive in drives)]
     first_jobs = [of_method[0] for of_method in jobs]
-    evaluators = [Evaluator(space_of(job, options.knobs, measured), objective, runs, threads) for job in first_jobs]
+    runs, spaces = CampaignRuns(folder, workers), [space_of(job, options.knobs, measured) for job in first_jobs]
+    evaluators = [Evaluator(space, objective, runs, threads) for space in spaces]
     cases = [cases_of(of_method, options, config["first_seed"]) for of_method in jobs]
     names = _names(first_jobs)
     unseen = [f"first_seed={first}", f"seeds={options.test_seeds}"] if (first := cases[0].next_seed) else []
-    unused = _unused_runs(shared, options, jobs[0], drives, unseen) if compare else []
+    unused = _unused_runs(options, jobs[0], drives, unseen, withhold=no_reference) if compare else []
     with workers, Progress(len(names) * budget.trials, doing="Tuning", unit="settings") as progress:
         advance = partial(progress.advance, ())
         tunings = [tune(*method, budget, advance) for method in zip(names, cases, evaluators, strict=True)]
     for tuning, method in zip(tunings, methods, strict=True):
         command = _command(tuning, folder / tuning.name / "conf", shared, method, unseen, several=len(scenarios) > 1)
         print(write_tuning(tuning, folder / tuning.name, command))
-    print(tunings_table(tunings))
-    print(f"\nSettings, presets and trials: {folder}")
+    print(tunings_table(tunings), f"\nSettings, presets and trials: {folder}", sep="\n")
     if compare:
+        print(f"\nComparison on data that the tuning has not used: {' '.join(unused) or 'other seeds'}")
         prepared_app(take_folders(_comparison(tunings, methods, shared, unused, folder)))()
 
 
 def _unused_runs(
-    typed: Arguments, options: TuneOptions, jobs: Sequence[Job], drives: Sequence[Recording], unseen: Arguments
+    options: TuneOptions, jobs: Sequence[Job], drives: Sequence[Recording], unseen: Arguments, *, withhold: bool
 ) -> list[str]:
     """Return the arguments that restrict a comparison to runs, recordings or times that the tuning has not used.
 
-    If the only reference consists of the fixes that the filters use, some fixes are withheld for the comparison.
+    If ``withhold`` is True, some fixes are withheld for the comparison, because the log has no other reference.
     """
     split, arguments = _split_of(options, jobs), [*unseen]
     if split in HELD_OUT:
@@ -166,15 +171,10 @@ def _unused_runs(
     if split == "time":
         tuned_s = [options.share * drive.duration_s for drive in drives]
         if max(tuned_s) > min(drive.duration_s for drive in drives):
-            raise PluginError(
-                "--compare with split=time needs recordings of similar durations; compare each recording."
-            )
+            raise PluginError("--compare with split=time needs recordings of similar lengths; compare each recording.")
         arguments.append(f"burn_in_s={max(*tuned_s, jobs[0].protocol.burn_in_s):.6g}")
-    references = [drive.reference for drive in drives]
-    if all(one.empty or one.source == THE_FIXES for one in references) and "disturbance" not in map(owner, typed):
-        print(
-            "The log has no reference, so the comparison withholds three of four fixes and uses them as the reference."
-        )
+    if withhold:
+        print("The log has no reference: the comparison withholds three of four fixes, and uses them as the reference.")
         arguments.append("disturbance=withhold")
     return arguments
 

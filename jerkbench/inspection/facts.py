@@ -23,7 +23,7 @@ from jerkbench.inspection.noise import (
 )
 from jerkbench.io.frames import felt_axis
 from jerkbench.io.sanitiser import imu_gap_notes, repeated_samples
-from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
+from jerkbench.recording import THE_FIXES, Heading, Imu, Position, Recording, Reference, Velocity
 from jerkbench.report.plots.style import (
     DOTS_PER_INCH,
     MEASURED,
@@ -65,9 +65,10 @@ def _times(recording: Recording) -> Iterator[str]:
 
 
 def _streams(recording: Recording) -> Iterator[str]:
+    absent = recording.reference.empty or recording.reference.source == THE_FIXES
     for name in ("imu", "position", "velocity", "heading", "reference"):
         stream: Stream | None = getattr(recording, name)
-        if stream is None or (name == "reference" and recording.reference.empty):
+        if stream is None or (name == "reference" and absent):
             yield f"{name:<10}none"
         else:
             rates = _rates(stream) if isinstance(stream, Velocity) else [_rate(stream.t_s)]
@@ -133,8 +134,7 @@ def findings_text(recording: Recording) -> str:
         lines += _noise_lines(recording, rest_noise(recording, rest))
     checks = (*imu_gap_notes(recording.imu), *overstated_noise(recording, rest))
     lines += [f"to check: {note}" for note in checks]
-    mistakes = diagnoses(recording, lags)
-    lines += [f"mistake: {diagnosis}" for diagnosis in mistakes] or ["mistakes: none found"]
+    lines += [f"mistake: {diagnosis}" for diagnosis in diagnoses(recording, lags)] or ["mistakes: none found"]
     return "\n".join(lines)
 
 

@@ -94,7 +94,7 @@ def _replaced(part: Mapping[str, Any]) -> list[str]:
     replaced = []
     for key, value in part.items():
         match = REPLACED.fullmatch(key)
-        if match is None or match[1] not in _STREAMS or value in (None, [], ()):
+        if match is None or match[1] not in _STREAMS or value in (None, [], ()) or part.get(f"{match[1]}_file") == "":
             continue
         if not any(part.get(f"{match[1]}_{end}") for end in REPORTED):
             replaced.append(f"{part['name']}.{key}")

@@ -270,12 +270,15 @@ def test_a_comparison_on_a_log_without_reference_withholds_fixes_in_the_part_tha
     noise = np.random.default_rng(0).normal(0, 0.5, (600, 2))
     rows = [f"{t},{t + a:.3f},{8 * np.sin(t / 3) + b:.3f},0" for t, (a, b) in zip(t_s, noise, strict=True)]
     (tmp_path / "log.csv").write_text("\n".join(["t,east_m,north_m,up_m", *rows]))
-    assert verb("data", "inspect", "log.csv", "--preset", "mine.yaml", cwd=tmp_path).returncode == 0
+    inspected = verb("data", "inspect", "log.csv", "--preset", "mine.yaml", cwd=tmp_path)
+    assert "\nreference none\n" in inspected.stdout
     words = ["dataset=mine", "filter=constant_velocity,acceleration", "trials=2", "finalists=1", "workers=1"]
-    compared = ["objective=likelihood", "figures=none", "study=one", "--compare"]
-    done = verb("tune", "-m", "--config-dir", ".", *words, *compared, cwd=tmp_path)
+    refused = verb("tune", "-m", "--config-dir", ".", *words, "objective=rmse", cwd=tmp_path)
+    assert "No reference for objective=rmse; use objective=likelihood or disturbance=withhold." in refused.stderr
+    done = verb("tune", "-m", "--config-dir", ".", *words, "figures=none", "study=one", "--compare", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "The log has no reference, so the comparison withholds three of four fixes" in done.stdout
+    assert "by likelihood" in done.stdout or "objective=likelihood" in done.stdout
+    assert "The log has no reference: the comparison withholds three of four fixes" in done.stdout
 
     stored, _ = Store(tmp_path / "results/one").read()
     assert all(one.metadata["protocol"]["burn_in_s"] == pytest.approx(0.5 * t_s[-1]) for one in stored)

@@ -159,7 +159,7 @@ def test_a_name_is_taken_apart(column, meaning):
 
 
 @pytest.mark.parametrize(
-    "column", ["c1", "temperature", "north_mm", "sdne_mm", "reference_east_m", "navstat", "speed_limit"]
+    "column", ["c1", "temperature", "north_mm", "sdne_mm", "reference_east_m", "navstat", "speed_limit", "x_raw"]
 )
 def test_a_name_that_says_nothing_known_is_none(column):
     assert parse_name(column) is None

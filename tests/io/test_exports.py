@@ -2,11 +2,13 @@
 
 import dataclasses
 import json
+import os
 import runpy
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
@@ -53,7 +55,8 @@ def converted(tmp_path, recording):
     (path, _) = write_recording(recording, true_attitude(recording), tmp_path, ["csv"], {})
 
     def call(script, function, *arguments):
-        return runpy.run_path(str(EXAMPLES / script))[function](path, *arguments)
+        with patch.dict(os.environ):  # the example for pyins sets NUMBA_DISABLE_JIT
+            return runpy.run_path(str(EXAMPLES / script))[function](path, *arguments)
 
     return call
 
