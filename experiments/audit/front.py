@@ -56,13 +56,13 @@ def front(audit: Audit) -> str:
         sys.exit(f"The results have changed ({average}, {without}, {counts['no fault']}, {found}): rewrite the text.")
     ratio, low, high, trips, _ = found.groups()
     finding = f"""\
-**Adaptation helps against outliers, rarely otherwise.** We tuned {methods} adaptive Kalman filters and the plain
-filters equally, and tested them on {audit.y.shape[2]} other simulated drives. On drives with outliers,
+**Adaptation helps against outliers, rarely otherwise.** We tuned {methods} adaptive and all plain Kalman filters
+equally, and tested them on {audit.y.shape[2]} other simulated drives. On drives with outliers,
 {counts["outliers"][0]} adaptive filters are significantly better than the plain filter of the same model, and
-{counts["outliers"][1]} are worse. On drives without a fault, no adaptive filter is better, and
+{counts["outliers"][1]} are worse. On drives without a fault, no adaptive filter is better than the plain filter, and
 {counts["no fault"][1]} are worse. On average, adaptation multiplies the error by {average[0]:.2f} (95 % interval
-{average[1]:.2f} to {average[2]:.2f}). Without outliers, adaptation multiplies the error by {without[0]:.2f}
-({without[1]:.2f} to {without[2]:.2f}). On {trips} real GNSS trips, the median factor is {ratio} ({low} to {high})."""
+{average[1]:.2f} to {average[2]:.2f}), and without outliers by {without[0]:.2f} ({without[1]:.2f} to {without[2]:.2f}).
+On the median of {trips} real GNSS trips, adaptation multiplies the error by {ratio} ({low} to {high})."""
     limits = "[The audit](experiments/audit/README.md) describes the method, the ranking and the limits."
     caption = (
         "Number of adaptive filters that are significantly better or worse than the plain filter, by kind of fault"

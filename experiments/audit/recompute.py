@@ -171,14 +171,14 @@ def main() -> int:
         r"drives with outliers, (\d+) adaptive": counts["outliers"][0],
         r"of the same model, and (\d+) are worse": counts["outliers"][1],
         r"drives without a fault, (\w+) adaptive filter is better": counts["no fault"][0] or "no",
-        r"is better, and (\d+) are worse": counts["no fault"][1],
+        r"than the plain filter, and (\d+) are worse": counts["no fault"][1],
         r"multiplies the error by (\S+) \(": f"{average[0]:.2f}",
         r"\(95 % interval (\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*average),
-        r"Without outliers, .*? the error by (\S+) \(": f"{without[0]:.2f}",
-        r"Without outliers, .*? the error by \S+ \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*without),
-        r"On (\d+) real GNSS trips": number,
-        r"the median factor is (\S+) \(": f"{real[0]:.2f}",
-        r"the median factor is \S+ \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*real),
+        r"without outliers by (\S+) \(": f"{without[0]:.2f}",
+        r"without outliers by \S+ \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*without),
+        r"of (\d+) real GNSS trips": number,
+        r"GNSS trips, .*? the error by (\S+) \(": f"{real[0]:.2f}",
+        r"GNSS trips, .*? the error by \S+ \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*real),
     }
     differ = 0
     for pattern, value in found.items():

@@ -127,8 +127,8 @@ def answer(results: Path, title: str, study: str, sentences: str, unit: str) -> 
     """Write the finding of a study, which the page of the audit includes. Links are relative to experiments/audit."""
     tuned = "Each recording was evaluated with settings that were tuned on other groups of recordings."
     ratio = f"For each {unit}, the error with an adaptation is divided by the error of the plain filter."
-    average = f"The *average ratio* of a {unit} is the geometric mean of these ratios over the adaptations."
-    shown = f"The list shows the median of the average ratio over the {unit}s, with its 95 % interval:"
+    average = f"The *average error ratio* of a {unit} is the geometric mean of these ratios over the adaptations."
+    shown = f"The list shows the median of the average error ratio over the {unit}s, with its 95 % interval:"
     head = f"**{title}** ([details](../{study}/README.md)). {tuned} {ratio} {average} {shown}"
     write_text(results / "answer.md", f"{head}\n\n{sentences}\n")
 
@@ -275,9 +275,11 @@ def ratio_sentence(d: FloatArray, taken: Taken, unit: str) -> str:
     low, high = result.exact
     median = f"on the median {unit}, adaptation multiplies the error by {result.median:.2f} [{low:.2f}, {high:.2f}]."
     count = "No" if result.wins == 0 else f"{result.wins} of {result.n}"
-    wins = f"{count} {unit}{'s' * (result.wins > 0)} {'have' if result.wins > 1 else 'has'} an average ratio below 1"
+    wins = (
+        f"{count} {unit}{'s' * (result.wins > 0)} {'have' if result.wins > 1 else 'has'} an average error ratio below 1"
+    )
     test = f"(sign test with {result.n} {unit}s, p = {result.p:.2g}: **{result.verdict}**)."
-    largest = f"The {unit} `{result.worst}` has the largest average ratio, {result.worst_ratio:.2f}."
+    largest = f"The {unit} `{result.worst}` has the largest average error ratio, {result.worst_ratio:.2f}."
     return f"{median} {wins} {test} {largest}"
 
 
