@@ -62,7 +62,7 @@ equally, and tested them on {audit.y.shape[2]} other simulated drives. On drives
 {counts["outliers"][1]} are worse. On drives without a fault, no adaptive filter is better than the plain filter, and
 {counts["no fault"][1]} are worse. On average, adaptation multiplies the error by {average[0]:.2f} (95 % interval
 {average[1]:.2f} to {average[2]:.2f}), and without outliers by {without[0]:.2f} ({without[1]:.2f} to {without[2]:.2f}).
-On the median of {trips} real GNSS trips, adaptation multiplies the error by {ratio} ({low} to {high})."""
+Over {trips} real GNSS trips, the median error ratio is {ratio} ({low} to {high})."""
     limits = "[The audit](experiments/audit/README.md) describes the method, the ranking and the limits."
     caption = (
         "Number of adaptive filters that are significantly better or worse than the plain filter, by kind of fault"

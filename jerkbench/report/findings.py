@@ -174,16 +174,16 @@ def findings(
 ) -> list[str]:
     """Return a sentence for each comparison with ``baseline``, sorted by decreasing size of the difference.
 
-    If ``baseline`` is None, the baselines are ``adaptation=none`` and ``filter=baseline``. If ``every`` is True, or if
-    the study has no run with such a baseline, all other pairs of methods follow. The result is empty for a metric for
-    which lower values are not better.
+    If ``baseline`` is None, the baselines are ``adaptation=none`` and ``filter=baseline``, and all other pairs of
+    methods follow if ``every`` is True or if the study has no run with such a baseline. The result is empty for a
+    metric for which lower values are not better.
 
     Raises:
         JerkbenchError: no combination has the values of the baseline.
     """
     baselines = [baseline] if baseline else study_baselines(rows)
     found = [pair for values in baselines if verdicts.standings for pair in verdicts.against(values)]
-    if every or not found:
+    if (every and not baseline) or not found:
         known = {frozenset((pair.subject, pair.baseline)) for pair in found}
         others = (pair for standing in verdicts.standings for pair in standing.comparisons)
         found += [pair for pair in others if frozenset((pair.subject, pair.baseline)) not in known]
