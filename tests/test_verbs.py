@@ -127,4 +127,4 @@ def test_ten_findings_are_printed_and_all_on_request(tmp_path):
         for more in ((), ("--all",))
     )
     assert len(every) == 15
-    assert few == [*every[:10], "5 more comparisons: --findings --all prints them."]
+    assert few == [*every[:10], "5 more comparisons; --findings --all prints all."]

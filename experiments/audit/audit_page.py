@@ -456,7 +456,7 @@ def compared_text(
         if one.verdict is not other.verdict
     ]
     opposite = [change for change in changed if {*change[2:]} == {Verdict.BETTER, Verdict.WORSE}]
-    turned = f"{len(opposite)} verdicts change" if opposite else "No verdict changes"
+    turned = f"{len(opposite) or 'No'} verdict{'s change' if len(opposite) > 1 else ' changes'}"
     average = "On average over the adaptive filters from the literature, adaptation multiplies the error by"
     best = "the error of the best adaptive filter divided by the error of the best plain filter is"
     sentences = [

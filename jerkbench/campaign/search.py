@@ -90,7 +90,7 @@ _RMSE = "position RMSE as a ratio to the plain filter of the same model, geometr
 _INCLINATION = "inclination RMSE as a ratio to mekf at its defaults, geometric mean; a failed run counts 100"
 _LIKELIHOOD = "nats an update by which the measurements are less likely than under the plain filter of the same model"
 _NO_POSITION = "position; use objective=likelihood, withhold fixes (disturbance=withhold), or objective=inclination"
-_NO_ATTITUDE = "attitude, so objective=inclination has nothing to compare with; use objective=rmse"
+_NO_ATTITUDE = "attitude, so objective=inclination is not possible; give a data set with a reference attitude"
 OBJECTIVES = {
     objective.name: objective
     for objective in (

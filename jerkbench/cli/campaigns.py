@@ -140,7 +140,7 @@ def suite_run_command(arguments: argparse.Namespace) -> None:
     typed = shlex.join(["jerkbench", "suite", "run", *arguments.overrides, *scale])
     with Workers(cluster_named(arguments.cluster), arguments.workers or processors()) as workers:
         print(enter(arguments.scale, method, name, CampaignRuns(folder, workers), typed))
-    print(f"Written to {folder}. For the leaderboard: jerkbench suite board {folder.parent}")
+    print(f"Written to {folder}. For the leaderboard: jerkbench suite board {shlex.quote(str(folder.parent))}")
 
 
 def _spec(overrides: Sequence[str]) -> Mapping[str, Any]:

@@ -90,7 +90,7 @@ def _findings(study: "Study", verdicts: "StudyVerdicts", baseline: "Mapping[str,
 
     compared = findings(study.rows, verdicts, baseline, every=every)
     if (left := len(compared) - MAX_PRINTED) > 0 and not every:
-        compared = [*compared[:MAX_PRINTED], f"{left} more comparisons: --findings --all prints them."]
+        compared = [*compared[:MAX_PRINTED], f"{left} more comparisons; --findings --all prints all."]
     standings = verdicts.standings
     if baseline or not any(len(standing.rivals) > 1 for standing in standings):
         return "\n".join(compared)

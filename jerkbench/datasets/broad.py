@@ -13,7 +13,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.geometry import best_rotation, dcm_from_euler, euler_from_quaternion, roll_pitch
 from jerkbench.io.files import FromFiles, named_folder
 from jerkbench.io.frames import calibrated_at_rest
-from jerkbench.io.readers import read_columns
+from jerkbench.io.readers import read_columns, stored_array
 from jerkbench.io.sanitiser import unit_quaternions
 from jerkbench.io.text import TextFormat, require_content, require_possible
 from jerkbench.plugins import register
@@ -76,7 +76,7 @@ def _fields(path: Path) -> dict[str, Any]:
     if path.suffix == ".mat":
         return dict(loadmat(path, variable_names=[*_COLUMNS, "sampling_rate"]))
     with h5py.File(path) as file:
-        return {name: file[name][()] for name in _COLUMNS if name in file} | dict(file.attrs)
+        return {name: stored_array(path, file[name]) for name in _COLUMNS if name in file} | dict(file.attrs)
 
 
 def _array(path: Path, fields: Mapping[str, Any], name: str, samples: int) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -27,16 +28,13 @@ from jerkbench.jobs.job import Job
 from jerkbench.jobs.names import require_sensible
 from jerkbench.jobs.progress import Progress
 from jerkbench.presets import take_folders, user_folders
-from jerkbench.recording import THE_FIXES, Recording
+from jerkbench.recording import Recording
 
 Arguments = Sequence[str]
 """Arguments of a command."""
 
 METHOD_GROUPS = ("filter", "adaptation", "noise", "engine", "r_scale")
 """Several values of these groups define several methods. Several values of other groups define the scenarios."""
-
-ATTITUDE_ONLY = "filter=attitude_only"
-"""With this argument, the method to tune is the attitude filter."""
 
 
 @dataclass
@@ -112,7 +110,8 @@ def tune_all(overrides: Sequence[str], *, several: bool, compare: bool = False) 
     names_of_options = {f.name for f in fields(TuneOptions)}
     options = _options([override for override in overrides if override.partition("=")[0] in names_of_options])
     others = [override for override in overrides if override.partition("=")[0] not in names_of_options]
-    groups = (*METHOD_GROUPS, "attitude") if ATTITUDE_ONLY in others else METHOD_GROUPS
+    # with filter=attitude_only, the method to tune is the attitude filter
+    groups = (*METHOD_GROUPS, "attitude") if "filter=attitude_only" in others else METHOD_GROUPS
     methods = _combinations([override for override in others if owner(override) in groups])
     shared = [override for override in others if owner(override) not in groups]
     scenarios = _combinations(shared)
@@ -128,33 +127,37 @@ def tune_all(overrides: Sequence[str], *, several: bool, compare: bool = False) 
     cluster, count = cluster_of(config), config["workers"] or processors()
     workers, threads = (Workers(), count) if cluster == LOCAL else (Workers(cluster, count), 1)
     folder = study_folder(config) / "tune"
-    drives = [shared_inputs().undisturbed(job.scenario.dataset, job.draws[0]) for job in jobs[0]]
-    sources = {drive.reference.source for drive in drives if not drive.reference.empty}
-    no_reference = sources <= {THE_FIXES} and "disturbance" not in map(owner, shared)
-    of_position = "likelihood" if no_reference else "rmse"
-    default = "inclination" if is_attitude_only(jobs[0][0].method.filter) else of_position
-    if no_reference and options.objective == "rmse":
-        raise PluginError("No reference for objective=rmse; use objective=likelihood or disturbance=withhold.")
+    drives = [shared_inputs().recording(job.scenario, job.draws[0]) for job in jobs[0]]
+    only_attitude = is_attitude_only(jobs[0][0].method.filter)
+    no_reference = not only_attitude and any(map(_without_reference, drives))
+    default = "inclination" if only_attitude else "likelihood" if no_reference else "rmse"
+    if no_reference and (options.objective == "rmse" or (compare and "disturbance" in map(owner, shared))):
+        raise PluginError("The log has no reference; use disturbance=withhold or objective=likelihood.")
     objective = objective_of(default if options.objective == "auto" else options.objective)
     budget = Budget(options.trials, options.sampler, options.finalists, options.sampler_seed)
     measured = [name for name in R_STREAMS if any(getattr(drive, name) is not None for drive in drives)]
-    first_jobs = [of_method[0] for of_method in jobs]
-    runs, spaces = CampaignRuns(folder, workers), [space_of(job, options.knobs, measured) for job in first_jobs]
+    runs, spaces = CampaignRuns(folder, workers), [space_of(first, options.knobs, measured) for first, *_ in jobs]
     evaluators = [Evaluator(space, objective, runs, threads) for space in spaces]
     cases = [cases_of(of_method, options, config["first_seed"]) for of_method in jobs]
-    names = _names(first_jobs)
+    names = _names([of_method[0] for of_method in jobs])
     unseen = [f"first_seed={first}", f"seeds={options.test_seeds}"] if (first := cases[0].next_seed) else []
     unused = _unused_runs(options, jobs[0], drives, unseen, withhold=no_reference) if compare else []
     with workers, Progress(len(names) * budget.trials, doing="Tuning", unit="settings") as progress:
-        advance = partial(progress.advance, ())
-        tunings = [tune(*method, budget, advance) for method in zip(names, cases, evaluators, strict=True)]
+        tune_one = partial(tune, budget=budget, advance=partial(progress.advance, ()))
+        tunings = [tune_one(*method) for method in zip(names, cases, evaluators, strict=True)]
     for tuning, method in zip(tunings, methods, strict=True):
         command = _command(tuning, folder / tuning.name / "conf", shared, method, unseen, several=len(scenarios) > 1)
         print(write_tuning(tuning, folder / tuning.name, command))
     print(tunings_table(tunings), f"\nSettings, presets and trials: {folder}", sep="\n")
     if compare:
-        print(f"\nComparison on data that the tuning has not used: {' '.join(unused) or 'other seeds'}")
+        print(f"\nComparison on data that the tuning has not used: {' '.join(unused)}")
         prepared_app(take_folders(_comparison(tunings, methods, shared, unused, folder)))()
+
+
+def _without_reference(recording: Recording) -> bool:
+    """Return whether the recording has no reference positions, or only the fixes that the filters use."""
+    fixes, reference_m = recording.position, recording.reference.enu_m
+    return reference_m is None or (fixes is not None and np.array_equal(reference_m, fixes.enu_m, equal_nan=True))
 
 
 def _unused_runs(

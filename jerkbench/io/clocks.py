@@ -43,8 +43,10 @@ def calendar_ns(date: str, time: str) -> int | None:
     >>> calendar_ns("1970-01-02", "00:00:01.5")
     86401500000000
     """
+    if date[:2] not in ("19", "20", "21") or len(date) != len("2011-09-26") or set(time) - set("0123456789:."):
+        return None
     try:
-        return int(np.datetime64(f"{date}T{time}", "ns").astype(np.int64)) if len(date) == len("2011-09-26") else None
+        return int(np.datetime64(f"{date}T{time}", "ns").astype(np.int64))
     except ValueError:  # for example the 31st of April
         return None
 

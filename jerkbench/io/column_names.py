@@ -93,7 +93,7 @@ def parse_name(column: str, file: str = "") -> Name | None:
         quantity, axis = sensor, bare
     elif quantity == "position" and bare in ("x", "y", "z"):
         quantity = _OF_UNIT.get(unit, quantity)
-    refused = unit in _SMALL and quantity not in ("sigma", "height"), quantity == "position" and "raw" in bare
+    refused = unit in _SMALL and quantity not in ("sigma", "height"), parts in (["x"], ["y"], ["z"]) and "raw" in bare
     return Name(column, quantity, axis, unit) if quantity and not any(refused) else None  # x_raw is a converter's count
 
 

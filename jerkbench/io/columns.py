@@ -193,7 +193,10 @@ class Columns:
         import pandas as pd
 
         column = self._table.iloc[:, self._index(name)]
-        numeric = pd.to_numeric(column, errors="coerce")
+        try:
+            numeric = pd.to_numeric(column, errors="coerce")
+        except OverflowError as error:
+            raise RecordingError(f"{self.where}, column {name} has a number that is too large; correct it.") from error
         self._require(numeric.notna() | column.isna(), name, column, "'{}' is not a number")
         integer = pd.api.types.is_integer_dtype(numeric) and not numeric.isna().any()
         fits = integer and (numeric.empty or numeric.max() <= np.iinfo(np.int64).max)

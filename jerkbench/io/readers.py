@@ -14,6 +14,7 @@ from jerkbench.io.text import TextFormat, read_text, require_content
 from jerkbench.io.tracks import track_reader
 
 if TYPE_CHECKING:
+    import h5py
     import pandas as pd
 
 SOLUTION = ".pos"
@@ -82,6 +83,8 @@ Array = np.ndarray[Any, Any]
 def read_matlab(path: Path) -> "pd.DataFrame":
     """Return a table with a column for each vector and for each column of a matrix in the file.
 
+    A file of version 5 with a damaged data type may crash scipy.
+
     The columns of a matrix ``acc`` are named ``acc_1``, ``acc_2``, ... A field ``t`` of a structure ``imu`` is named
     ``imu.t``. If the variables have different lengths, empty cells are appended to the shorter columns.
 
@@ -118,12 +121,23 @@ def _version_7_3(path: Path) -> dict[str, Array]:
     arrays: dict[str, Array] = {}
 
     def add(name: str, node: object) -> None:
-        if isinstance(node, h5py.Dataset) and not name.startswith("#"):
-            arrays[name.replace("/", ".")] = np.asarray(node).T
+        if not name.startswith("#") and isinstance(node, h5py.Dataset):
+            arrays[name.replace("/", ".")] = stored_array(path, node).T
 
     with h5py.File(path) as file:
         file.visititems(add)
     return arrays
+
+
+def stored_array(path: Path, data: "h5py.Dataset") -> Array:
+    """Return the array of an HDF5 data set, which is empty if the data set has no values.
+
+    Raises:
+        RecordingError: the values are in another file. HDF5 would return zeros if this file is missing.
+    """
+    if data.is_virtual or data.external:
+        raise RecordingError(f"{path}: {data.name} refers to another file; copy the data into this file.")
+    return np.asarray(data) if data.shape is not None else np.empty(0)
 
 
 def _columns(arrays: Mapping[str, Array]) -> Iterator[tuple[str, Array]]:

@@ -32,7 +32,7 @@ def require_content(path: Path) -> None:
     """
     try:
         with path.open("rb") as file:
-            blank = not file.read(_SAMPLE).strip()
+            blank = not any(block.strip() for block in iter(lambda: file.read(_SAMPLE), b""))
     except FileNotFoundError as error:
         raise RecordingError(f"There is no file {path}; check the folder and the file's name.") from error
     except OSError as error:

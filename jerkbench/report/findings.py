@@ -175,7 +175,7 @@ def findings(
     """Return a sentence for each comparison with ``baseline``, sorted by decreasing size of the difference.
 
     If ``baseline`` is None, the baselines are ``adaptation=none`` and ``filter=baseline``, and all other pairs of
-    methods follow if ``every`` is True or if the study has no run with such a baseline. The result is empty for a
+    methods are included if ``every`` is True or if the study has no run with such a baseline. The result is empty for a
     metric for which lower values are not better.
 
     Raises:
@@ -184,10 +184,10 @@ def findings(
     baselines = [baseline] if baseline else study_baselines(rows)
     found = [pair for values in baselines if verdicts.standings for pair in verdicts.against(values)]
     if (every and not baseline) or not found:
-        known = {frozenset((pair.subject, pair.baseline)) for pair in found}
-        others = (pair for standing in verdicts.standings for pair in standing.comparisons)
-        found += [pair for pair in others if frozenset((pair.subject, pair.baseline)) not in known]
-    return [finding(comparison, varying_factors(rows)) for comparison in sorted(found, key=_order)]
+        pairs = [*found, *(pair for standing in verdicts.standings for pair in standing.comparisons)]
+        found = list({frozenset((pair.subject, pair.baseline)): pair for pair in reversed(pairs)}.values())
+    varying = varying_factors(rows)
+    return [finding(comparison, varying) for comparison in sorted(found, key=_order)]
 
 
 def _order(comparison: Comparison) -> float:

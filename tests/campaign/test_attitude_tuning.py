@@ -54,5 +54,5 @@ def test_a_switch_is_on_in_half_of_its_range_and_only_attitude_filters_are_searc
     assert [switch.typed(switch.value(share)) for share in (0.0, 0.49, 0.51, 1.0)] == [False, False, True, True]
     assert {knob.part for knob in space_of(cell_of("mekf", "baseline")).parameters} == {"filter", "r_scale"}
     (case,) = by_seeds([cell_of("mekf")], Seeds(1, 0, 1)).tune
-    with pytest.raises(RecordingError, match="no reference attitude, so objective=inclination has nothing"):
+    with pytest.raises(RecordingError, match="no reference attitude, so objective=inclination is not possible"):
         objective_of("inclination").require_reference(case, SimpleNamespace(reference=None))

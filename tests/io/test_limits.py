@@ -22,8 +22,10 @@ from jerkbench.inspection.evidence import common_edges
 from jerkbench.inspection.facts import facts_text
 from jerkbench.inspection.guesses import guess_time_unit
 from jerkbench.inspection.receiver import receiver_errors
+from jerkbench.io.readers import read_columns
 from jerkbench.io.rtklib import _COLUMNS
 from jerkbench.io.sanitiser import off_earth
+from jerkbench.io.text import TextFormat
 from jerkbench.jobs.preflight import reason_of
 from jerkbench.recording import Imu, Position, Recording, Reference
 
@@ -280,3 +282,35 @@ def test_variances_that_are_practically_zero_are_one_message(tmp_path, variance)
     assert done.stderr.count("\n") == 1
     none = "none of the 200 rows has a standard deviation above 0"
     assert ("the covariance is not positive definite" if variance else none) in done.stderr
+
+
+def test_stamps_of_matlab_files_are_exact(tmp_path):
+    savemat(tmp_path / "a.mat", {"t": np.array([1, 2**53 + 1], np.uint64)})
+
+    assert read_columns((tmp_path / "a.mat",), TextFormat()).stamps_ns("t", "ns").tolist() == [1, 2**53 + 1]
+
+
+def test_a_number_of_400_digits_is_named(tmp_path):
+    (tmp_path / "a.csv").write_text("t,x\n0,1\n1,2\n2," + "9" * 400 + "\n")
+    columns = read_columns((tmp_path / "a.csv",), TextFormat())
+
+    with pytest.raises(RecordingError, match="column x has a number that is too large"):
+        columns.numbers(["x"])
+
+
+def linked(file):
+    layout = h5py.VirtualLayout((9, 3), "f8")
+    layout[:] = h5py.VirtualSource("other.h5", "imu_acc", shape=(9, 3))
+    file.create_virtual_dataset("imu_acc", layout)
+
+
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [("a.mat", lambda p: read_columns((p,), TextFormat())), ("01_x.hdf5", lambda p: Broad(str(p.parent), 1).load())],
+)
+def test_values_in_another_file_are_not_read_as_zeros(tmp_path, name, read):
+    with h5py.File(tmp_path / name, "w") as file:
+        linked(file)
+
+    with pytest.raises(RecordingError, match="imu_acc refers to another file"):
+        read(tmp_path / name)

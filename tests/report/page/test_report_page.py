@@ -245,7 +245,7 @@ def test_the_settings_of_a_method_contain_the_factors_on_r():
 
 def test_what_the_log_reports_is_no_replacement():
     reported = {"position_sigma": ["sdn", "sde", "sdu"], "position_sigma_m": 1.0, "velocity_sigma_mps": []}
-    reported |= {"course_sigma_mps": 0.1, "course_file": ""}  # this log has no such measurements
+    reported |= {"velocity_sigma_mps": 0.1, "velocity_file": ""}  # this log has no such measurements
     cells = [cell(k, data="hash", covariance_order="neu", **reported) for k in (1, 2, 3)]
     assert answers(cells)["covariance"] is True
 
