@@ -67,7 +67,7 @@ def audit_command(arguments: argparse.Namespace) -> None:
 
       jerkbench audit --scale small      some minutes; tests the program, too small for conclusions
       jerkbench audit --scale medium     two models, no iterated filters: 1 minute, 5 minutes with compilation
-      jerkbench audit                    the complete protocol: 20 minutes on two cores; see --cluster and --workers
+      jerkbench audit                    the complete protocol: 40 minutes on two cores; see --cluster and --workers
       jerkbench audit --scale second     the same protocol with other drives and other tunings
 
     The same command continues an audit that was stopped. --stored evaluates the stored rows of any version, and runs
