@@ -56,13 +56,13 @@ def front(audit: Audit) -> str:
         sys.exit(f"The results have changed ({average}, {without}, {counts['no fault']}, {found}): rewrite the text.")
     ratio, low, high, trips, _ = found.groups()
     finding = f"""\
-**Adaptation helps against outliers, rarely otherwise.** We tuned {methods} adaptive and all plain Kalman filters
-equally, and tested them on {audit.y.shape[2]} other simulated drives. On drives with outliers,
+**Adaptation helps against outliers, rarely otherwise.** We tuned {methods} adaptive filters and all plain filters
+equally, and tested them on {audit.y.shape[2]} new simulated drives. On drives with outliers,
 {counts["outliers"][0]} adaptive filters are significantly better than the plain filter of the same model, and
-{counts["outliers"][1]} are worse. On drives without a fault, no adaptive filter is better than the plain filter, and
+{counts["outliers"][1]} are worse. On drives without a fault, no adaptive filter beats the plain filter, and
 {counts["no fault"][1]} are worse. On average, adaptation multiplies the error by {average[0]:.2f} (95 % interval
 {average[1]:.2f} to {average[2]:.2f}), and without outliers by {without[0]:.2f} ({without[1]:.2f} to {without[2]:.2f}).
-Over {trips} real GNSS trips, the median error ratio is {ratio} ({low} to {high})."""
+Over {trips} real GNSS trips, adaptation multiplies the error by {ratio} (median; {low} to {high})."""
     limits = "[The audit](experiments/audit/README.md) describes the method, the ranking and the limits."
     caption = (
         "Number of adaptive filters that are significantly better or worse than the plain filter, by kind of fault"

@@ -167,18 +167,18 @@ def main() -> int:
     *real, number = journeys("J-GNSS")
     found = {
         r"tuned (\d+) adaptive": len(audit.methods),
-        r"on (\d+) other simulated drives": audit.y.shape[2],
+        r"on (\d+) new simulated drives": audit.y.shape[2],
         r"drives with outliers, (\d+) adaptive": counts["outliers"][0],
         r"of the same model, and (\d+) are worse": counts["outliers"][1],
-        r"drives without a fault, (\w+) adaptive filter is better": counts["no fault"][0] or "no",
-        r"than the plain filter, and (\d+) are worse": counts["no fault"][1],
+        r"drives without a fault, (\w+) adaptive filter beats the plain filter": counts["no fault"][0] or "no",
+        r"beats the plain filter, and (\d+) are worse": counts["no fault"][1],
         r"multiplies the error by (\S+) \(": f"{average[0]:.2f}",
         r"\(95 % interval (\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*average),
         r"without outliers by (\S+) \(": f"{without[0]:.2f}",
         r"without outliers by \S+ \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*without),
         r"Over (\d+) real GNSS trips": number,
-        r"the median error ratio is (\S+) \(": f"{real[0]:.2f}",
-        r"the median error ratio is \S+ \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*real),
+        r"GNSS trips, .*? the error by (\S+) \(": f"{real[0]:.2f}",
+        r"\(median; (\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*real),
     }
     differ = 0
     for pattern, value in found.items():
