@@ -141,6 +141,8 @@ def tune_all(overrides: Sequence[str], *, several: bool, compare: bool = False) 
     cases = [cases_of(of_method, options, config["first_seed"]) for of_method in jobs]
     names = _names([of_method[0] for of_method in jobs])
     unseen = [f"first_seed={first}", f"seeds={options.test_seeds}"] if (first := cases[0].next_seed) else []
+    tuned_s = [options.share * drive.duration_s for drive in drives] if _split_of(options, jobs[0]) == "time" else []
+    unseen += [f"burn_in_s={max([*tuned_s, jobs[0][0].protocol.burn_in_s]):.6g}"] * bool(tuned_s)
     unused = _unused_runs(options, jobs[0], drives, unseen, withhold=no_reference) if compare else []
     with workers, Progress(len(names) * budget.trials, doing="Tuning", unit="settings") as progress:
         tune_one = partial(tune, budget=budget, advance=partial(progress.advance, ()))
@@ -171,11 +173,8 @@ def _unused_runs(
     if split in HELD_OUT:
         names = [f"[{name.replace('+', ',')}]" if "+" in name else name for name in options.held_out]
         arguments.append(f"{HELD_OUT[split]}={','.join(names)}")
-    if split == "time":
-        tuned_s = [options.share * drive.duration_s for drive in drives]
-        if max(tuned_s) > min(drive.duration_s for drive in drives):
-            raise PluginError("--compare with split=time needs recordings of similar lengths; compare each recording.")
-        arguments.append(f"burn_in_s={max(*tuned_s, jobs[0].protocol.burn_in_s):.6g}")
+    if split == "time" and options.share * max(d.duration_s for d in drives) > min(d.duration_s for d in drives):
+        raise PluginError("--compare with split=time needs recordings of similar lengths; compare each recording.")
     if withhold:
         print("The log has no reference: the comparison withholds three of four fixes, and uses them as the reference.")
         arguments.append("disturbance=withhold")
@@ -246,7 +245,8 @@ def _command(
     """Return the command that runs the tuned method on the same scenarios with unused seeds."""
     preset_choice = preset_overrides(tuning, typed="experiment" in map(owner, typed))
     folders = [argument for folder in (presets, *user_folders()) for argument in ("--config-dir", str(folder))]
-    shared = [argument for argument in typed if not (unseen and argument.startswith(("first_seed=", "seeds=")))]
+    replaced = {argument.partition("=")[0] for argument in unseen}
+    shared = [argument for argument in typed if argument.partition("=")[0] not in replaced]
     return shlex.join(
         ["jerkbench", "run", *["-m"] * several, *folders, *shared, *_not_tuned(tuning, method), *preset_choice, *unseen]
     )

@@ -71,7 +71,7 @@ def answer(standings: Sequence[Standing]) -> Answer:
     undecided = [", ".join(standing.scenario) for standing in tested if not standing.decided]
     if len(undecided) == len(tested):
         return Answer(_title_without_leader(tested), (basis,))
-    sentences = [f"No significant difference between methods on {_named(undecided)}."] if undecided else []
+    sentences = [f"No significant difference between competing methods on {_named(undecided)}."] if undecided else []
     return Answer(_title_of_leaders(tested), (*sentences, basis))
 
 

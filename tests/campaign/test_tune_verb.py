@@ -279,6 +279,7 @@ def test_a_comparison_on_a_log_without_reference_withholds_fixes_in_the_part_tha
     done = verb("tune", "-m", "--config-dir", ".", *words, "figures=none", "study=one", "--compare", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "Objective: likelihood" in done.stdout
+    assert f"burn_in_s={0.5 * t_s[-1]:g}" in printed(done.stdout)  # the first half was used for tuning
     assert "The log has no reference: the comparison withholds three of four fixes" in done.stdout
 
     stored, _ = Store(tmp_path / "results/one").read()

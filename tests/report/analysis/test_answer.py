@@ -40,7 +40,7 @@ BASIS = "Each comparison uses 20 seeds; 0 of 20 failed (up to 14 %)."
 def test_of_two_methods_it_says_who_leads_how_often(study):
     told = said(study({"gauss": (0.5, 0.8, 1.0), "jerk": (1.0, 1.0, 1.0)}))
     assert told.title.startswith("Of 2 methods, gauss leads in 2 of 3 scenarios and is up to 2.")
-    assert told.sentences == ("No significant difference between methods on gnss_outage.", BASIS)
+    assert told.sentences == ("No significant difference between competing methods on gnss_outage.", BASIS)
     told = said(study({"gauss": (2.0, 0.8, 3.0), "jerk": (1.0, 1.0, 1.0)}))
     assert told.title.startswith("Of 2 methods, jerk leads in 2 of 3 scenarios and is up to 2.9")
 
@@ -62,7 +62,7 @@ def test_of_several_methods_it_names_the_leader_and_where_nothing_differs(study)
     assert float(times.split()[0]) == pytest.approx(4.0, rel=0.03)
     assert told.sentences == (BASIS,)
     told = said(study({"gauss": (0.5, 0.5, 1.0), "jerk": (1.0, 1.0, 1.0), "baseline": (2.0, 2.0, 1.0)}))
-    assert told.sentences == ("No significant difference between methods on gnss_outage.", BASIS)
+    assert told.sentences == ("No significant difference between competing methods on gnss_outage.", BASIS)
 
 
 def test_of_leaders_that_tie_the_one_with_the_lowest_error_comes_first(study):
