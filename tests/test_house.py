@@ -30,7 +30,7 @@ MAX_CODE = {
     "hydra_plugins": 15,
     "inertial": 1038,
     "inspection": 1762,
-    "io": 2592,
+    "io": 2593,
     "jerkbench": 1726,
     "jobs": 1712,
     "kinematic": 1309,

@@ -141,8 +141,8 @@ def tune_all(overrides: Sequence[str], *, several: bool, compare: bool = False) 
     cases = [cases_of(of_method, options, config["first_seed"]) for of_method in jobs]
     names = _names([of_method[0] for of_method in jobs])
     unseen = [f"first_seed={first}", f"seeds={options.test_seeds}"] if (first := cases[0].next_seed) else []
-    tuned_s = [options.share * drive.duration_s for drive in drives] if _split_of(options, jobs[0]) == "time" else []
-    unseen += [f"burn_in_s={max([*tuned_s, jobs[0][0].protocol.burn_in_s]):.6g}"] * bool(tuned_s)
+    burn_in_s = max([jobs[0][0].protocol.burn_in_s, *(options.share * drive.duration_s for drive in drives)])
+    unseen += [f"burn_in_s={burn_in_s:.6g}"] if _split_of(options, jobs[0]) == "time" else []
     unused = _unused_runs(options, jobs[0], drives, unseen, withhold=no_reference) if compare else []
     with workers, Progress(len(names) * budget.trials, doing="Tuning", unit="settings") as progress:
         tune_one = partial(tune, budget=budget, advance=partial(progress.advance, ()))
@@ -242,7 +242,7 @@ def _names(jobs: Sequence[Job]) -> list[str]:
 def _command(
     tuning: Tuning, presets: Path, typed: Arguments, method: Arguments, unseen: Arguments, *, several: bool
 ) -> str:
-    """Return the command that runs the tuned method on the same scenarios with unused seeds."""
+    """Return the command that runs the tuned method on the same scenarios with unused seeds or times."""
     preset_choice = preset_overrides(tuning, typed="experiment" in map(owner, typed))
     folders = [argument for folder in (presets, *user_folders()) for argument in ("--config-dir", str(folder))]
     replaced = {argument.partition("=")[0] for argument in unseen}

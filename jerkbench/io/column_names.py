@@ -93,8 +93,9 @@ def parse_name(column: str, file: str = "") -> Name | None:
         quantity, axis = sensor, bare
     elif quantity == "position" and bare in ("x", "y", "z"):
         quantity = _OF_UNIT.get(unit, quantity)
-    refused = unit in _SMALL and quantity not in ("sigma", "height"), parts in (["x"], ["y"], ["z"]) and "raw" in bare
-    return Name(column, quantity, axis, unit) if quantity and not any(refused) else None  # x_raw is a converter's count
+    is_count = parts in (["x"], ["y"], ["z"]) and "raw" in bare  # x_raw is a count of a converter and no position
+    allowed = unit not in _SMALL or quantity in ("sigma", "height")
+    return Name(column, quantity, axis, unit) if quantity and allowed and not is_count else None
 
 
 def _meaning(text: str) -> tuple[str, str]:
