@@ -3,7 +3,9 @@
 import os
 import shlex
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import compress
 from typing import Any
 
 import hydra
@@ -13,6 +15,8 @@ from omegaconf import DictConfig, OmegaConf
 
 from jerkbench.campaign.split import reused_seeds
 from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
+from jerkbench.evaluation.judgement import Verdict
+from jerkbench.evaluation.planning import interim_levels, interim_sizes
 from jerkbench.filters.trajectory import Command
 from jerkbench.hydra_app.composition import Composed, compose_jobs
 from jerkbench.hydra_app.configuration import (
@@ -23,12 +27,12 @@ from jerkbench.hydra_app.configuration import (
     register_schemas,
     study_folder,
 )
-from jerkbench.hydra_app.interim import forecast, remaining_analyses, undecided
 from jerkbench.hydra_app.overrides import arranged_overrides, ignored_combinations
 from jerkbench.jobs.executors import Cluster, ClusterError, Workers, processors
+from jerkbench.jobs.job import Job
 from jerkbench.jobs.manifest import JobSeeds, stretches
 from jerkbench.jobs.names import require_sensible
-from jerkbench.jobs.plan import Plan, planned
+from jerkbench.jobs.plan import Plan, in_order, missing, planned
 from jerkbench.jobs.preflight import first_complaints, first_notes
 from jerkbench.jobs.progress import Progress, duration, pulse
 from jerkbench.jobs.run import run_missing
@@ -36,6 +40,10 @@ from jerkbench.jobs.store import Store
 from jerkbench.jobs.study import Study, concluded, load_study
 from jerkbench.presets import config_folder, search_path_overrides
 from jerkbench.report import Choice, figures_choice
+from jerkbench.report.comparisons import VerdictRule
+from jerkbench.report.labels import Labels
+from jerkbench.report.study_verdicts import study_verdicts
+from jerkbench.report.summary import main_metric, summarise
 
 
 def prepared_app(arguments: Sequence[str]) -> Callable[[], Any]:
@@ -113,6 +121,28 @@ def _run_and_show(plan: Plan, store: Store, options: Options) -> None:
     concluded(study_folder(options), plan.draws, list(options["notes"]), sys.argv)
 
 
+def forecast(plan: Plan, store: Store) -> Iterator[str]:
+    """Yield lines with the state of each combination, and the combinations that are left out."""
+    known = store.known(plan.draws)
+    left = {job.key: len(missing(job, known.get(job.key, ()))) for job in plan.jobs}
+    differing = [len(set(values)) > 1 for values in zip(*(job.labels for job in plan.jobs), strict=True)]
+    shown = differing if any(differing) else [True] * len(differing)  # a single combination is shown with all labels
+    named = map(" ".join, zip(Labels._fields, plan.jobs[0].labels, strict=True))
+    if same := list(compress(named, (not differs for differs in shown))):
+        yield f"In all combinations: {', '.join(same)}."
+    yield f"{', '.join(compress(Labels._fields, shown))}:"
+    for job in plan.jobs:
+        state = _count(left[job.key], "run") if left[job.key] else "complete"
+        yield f"  {', '.join(compress(job.labels, shown))}: {state}"
+    yield from plan.refused
+    runs, done = sum(left.values()), list(left.values()).count(0)
+    yield f"{_count(len(plan.jobs), 'combination')}, {done} complete; {_count(runs, 'run')} to compute."
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
 def print_forecast(plan: Plan, store: Store, options: Options) -> None:
     """Print the planned runs."""
     for line in forecast(plan, store):
@@ -161,6 +191,35 @@ def _planned(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[s
     if not plan.jobs:
         exit_with(PluginError("There is nothing to run, because every combination was left out."))
     return plan, cluster_of(config)
+
+
+def remaining_analyses(plan: Plan, first: int, maximum: int, store: Store) -> list[tuple[Plan, float]]:
+    """Return the interim analyses from the last analysis whose runs are all stored, or else from the first analysis.
+
+    An analysis consists of a plan, which includes the runs of all earlier analyses, and of a significance level. The
+    significance levels divide the error probability of 5 % of the study between the analyses.
+    """
+    sizes, plans = [first], [plan]
+    if maximum > first and any(job.scenario.seeded for job in plan.jobs):
+        sizes = interim_sizes(maximum, first)
+        plans = [Plan(tuple(_with_seeds(job, size) for job in plan.jobs), plan.refused) for size in sizes]
+    known = store.known(plans[-1].draws)
+    done = [not any(missing(job, known.get(job.key, ())) for job in part.jobs) for part in plans]
+    start = max((k for k, complete in enumerate(done) if complete), default=0)
+    return list(zip(plans, map(float, interim_levels(sizes)), strict=True))[start:]
+
+
+def undecided(study: Study, level: float) -> int:
+    """Return the number of pairs of methods whose comparison by the main metric of the study is undecided."""
+    verdicts = study_verdicts(study.rows, main_metric(study.rows), rule=VerdictRule(level=level))
+    return sum(pair.verdict is Verdict.UNDECIDED for standing in verdicts.standings for pair in standing.comparisons)
+
+
+def _with_seeds(job: Job, seeds: int) -> Job:
+    if not job.scenario.seeded:
+        return job
+    draws = {seed for first, _ in stretches(job.draws) for seed in range(first, first + seeds)}
+    return replace(job, draws=in_order(draws))
 
 
 FAILED = 1
@@ -222,7 +281,6 @@ def conclude_sweep(plan: Plan, level: float | None, code: int, store: Store, con
 
 def _write_and_print(store: Store, seeds: JobSeeds, config: DictConfig, level: float | None) -> Study:
     """Write the tables of a study, print the table of the jobs in ``seeds``, and return the study of these jobs."""
-    from jerkbench.report.summary import main_metric, summarise
     from jerkbench.report.terminal import MAX_ROWS, print_table
 
     store.compact()

@@ -15,7 +15,7 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 
 from jerkbench import plugins
 from jerkbench.errors import PluginError, unknown
-from jerkbench.hydra_app.interim import typed as typed_seeds
+from jerkbench.evaluation.planning import FIRST
 from jerkbench.presets import default_names, preset_names
 from jerkbench.renamed import new_argument
 from jerkbench.report.labels import GROUPS
@@ -32,6 +32,10 @@ REFUSED = {
 
 MAX_COMBINATIONS = 100_000
 """Maximum number of combinations of a sweep."""
+
+AUTO = re.compile(r"seeds=auto(?:\(max=(\d+)\))?")
+MAX_AUTO_SEEDS = 400
+"""Default maximum number of seeds for ``seeds=auto``."""
 
 _PARSER = OverridesParser.create()
 
@@ -57,7 +61,7 @@ def arranged_overrides(arguments: Sequence[str]) -> list[str]:
         raise PluginError(f"{' and '.join(actions)} cannot be combined; give only one of these options.")
     if known.resolve and not (known.cfg or known.help):
         raise PluginError("--resolve works only with --cfg, for example `jerkbench run --cfg job --resolve`.")
-    overrides = [override for argument in known.overrides for override in typed_seeds(argument)]
+    overrides = [override for argument in known.overrides for override in seed_options(argument)]
     overrides = [_checked(argument, sweeping=known.multirun) for argument in overrides]
     overrides = _hidden_addresses(overrides) if known.multirun else _without_addresses(overrides)
     return [*(argument for argument in arguments if argument not in known.overrides), *overrides]
@@ -92,6 +96,21 @@ def parsed_override(text: str) -> Override:
     if not override.key_or_group:
         raise unreadable
     return override
+
+
+def seed_options(override: str) -> list[str]:
+    """Replace ``seeds=auto(max=400)`` by the options ``seeds`` and ``max_seeds``. Return other overrides unchanged.
+
+    Raises:
+        PluginError: The maximum is less than the number of seeds in the first interim analysis.
+    """
+    match = AUTO.fullmatch(override.replace(" ", "").replace("'", "").replace('"', ""))
+    if match is None:
+        return [override]
+    maximum = int(match[1] or MAX_AUTO_SEEDS)
+    if maximum < FIRST:
+        raise PluginError(f"{override}: the first interim analysis has {FIRST} seeds; give max={FIRST} or more.")
+    return [f"seeds={FIRST}", f"max_seeds={maximum}"]
 
 
 def _checked(text: str, *, sweeping: bool) -> str:

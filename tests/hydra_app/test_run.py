@@ -7,7 +7,7 @@ import pytest
 from commands import SHORT, verb
 from jerkbench import api
 from jerkbench.hydra_app import app
-from jerkbench.hydra_app.interim import forecast
+from jerkbench.hydra_app.app import forecast
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
 from jerkbench.jobs.plan import planned

@@ -7,7 +7,7 @@ import pytest
 
 from commands import swept
 from jerkbench.errors import PluginError
-from jerkbench.hydra_app.interim import typed
+from jerkbench.hydra_app.overrides import seed_options
 from jerkbench.jobs import run as loop
 from jerkbench.jobs.inputs import MAX_CACHED_INPUTS
 from jerkbench.jobs.job import Protocol
@@ -106,12 +106,12 @@ SHORT = ("dataset.duration_s=40", "figures=false", "workers=1")
     ],
 )
 def test_auto_stands_for_the_first_look_and_the_most(word, words):
-    assert typed(word) == words
+    assert seed_options(word) == words
 
 
 def test_less_than_the_first_look_is_refused():
     with pytest.raises(PluginError, match="first interim analysis"):
-        typed("seeds=auto(max=5)")
+        seed_options("seeds=auto(max=5)")
 
 
 @pytest.mark.slow
