@@ -14,7 +14,7 @@ from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import Any, cast
 
-from jerkbench.cli import campaigns, inspecting, plugins, recordings, results, single_runs
+from jerkbench.cli import campaigns, plugins, recordings, results
 from jerkbench.cli.arguments import group
 from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with, let_interrupt_through
 from jerkbench.notices import plain_output
@@ -70,26 +70,15 @@ SUITE = group(
 DATA = group(
     "data",
     "work with recordings: inspect, receiver, convert, export, fetch, trace, cache",
-    *(
-        inspecting.inspect_command,
-        inspecting.receiver_command,
-        recordings.convert_command,
-        recordings.data_export_command,
-    ),
-    *(recordings.fetch_command, recordings.trace_command, recordings.cache_command),
+    *(recordings.inspect_command, recordings.receiver_command, recordings.convert_command),
+    *(recordings.data_export_command, recordings.fetch_command, recordings.trace_command, recordings.cache_command),
 )
 
 COMMANDS = (
     *(plugins.list_command, plugins.show_command, DATA),
-    *(
-        results.table_command,
-        results.figures_command,
-        results.report_command,
-        results.compare_command,
-        single_runs.score_command,
-    ),
-    *(inspecting.smooth_command, campaigns.tune_command, campaigns.audit_command, SUITE),
-    *(single_runs.rerun_command, single_runs.export_command),
+    *(results.table_command, results.figures_command, results.report_command, results.compare_command),
+    *(campaigns.score_command, recordings.smooth_command, campaigns.tune_command, campaigns.audit_command, SUITE),
+    *(results.rerun_command, results.export_command),
     *(plugins.new_command, plugins.check_command, results.cite_command),
 )
 """The commands in the order in which `jerkbench --help` lists them."""

@@ -1,13 +1,104 @@
-"""The commands that tune methods: `tune`, `audit`, and the subcommands of `suite`."""
+"""The commands that evaluate methods: `score`, `tune`, `audit`, and the subcommands of `suite`."""
 
 import argparse
 import re
 import shlex
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from jerkbench.cli.arguments import EXECUTION, RUN_PROGRAMS, argument, command, count, flag
+from jerkbench.errors import JerkbenchError, PluginError, RecordingError
+
+OVERRIDE = re.compile(r"[+~]*[A-Za-z_][\w./@]*=")
+
+NAME_KEY = "name="
+
+
+@command(
+    argument("overrides", nargs="+", metavar="FILE | KEY=VALUE", help="trajectories, one for each seed or with {seed}"),
+    argument("--reference", type=Path, metavar="FILE", help="reference trajectory (.tum, .pos, a table)"),
+)
+def score_command(arguments: argparse.Namespace) -> None:
+    """Score trajectories of other programs, and add them to a study as rows.
+
+    KEY=VALUE are arguments of `jerkbench run`, which define the recording (dataset, disturbance, their parameters,
+    first_seed), the scoring (burn_in_s, metrics), and the study of the rows (study, results). name=NAME is the name of
+    the method in tables. filter.KEY=VALUE defines the columns of the file (`jerkbench show filter trajectory`).
+
+      jerkbench score mine.tum dataset=field disturbance=gnss_outage name=mine study=external
+      jerkbench score 'run_{seed}.csv' dataset=field name=mine study=external filter.frame=ned
+      jerkbench score mine.tum --reference truth.tum       both have the same clock and axes; nothing is aligned
+
+    Raises:
+        JerkbenchError: No file is given, a file does not exist, or the arguments do not define a recording.
+    """
+    from jerkbench.hydra_app.app import score_files
+    from jerkbench.hydra_app.composition import composed
+    from jerkbench.io.trajectory import SEED, pattern_of, seeds_of
+
+    files = [given for given in arguments.overrides if not OVERRIDE.match(given)]
+    overrides = [given for given in arguments.overrides if OVERRIDE.match(given)]
+    if not files:
+        raise JerkbenchError("No trajectory is given; give a file, or a pattern with {seed} such as 'run_{seed}.csv'.")
+    pattern = pattern_of(files)
+    typed = [override.partition("=")[2] for override in overrides if override.startswith("first_seed=")]
+    first = int(typed[-1]) if typed and typed[-1].isdecimal() else 0
+    seeds = list(seeds_of(pattern)) if SEED in pattern else [first]
+    if not seeds:
+        raise JerkbenchError(f"No file matches {pattern}; correct the pattern.")
+    label = next((override.removeprefix(NAME_KEY) for override in overrides if override.startswith(NAME_KEY)), "")
+    others = [override for override in overrides if not override.startswith(NAME_KEY)]
+    others = ["filter=trajectory", *_seed_overrides(seeds, overrides), *others]
+    if arguments.reference is None:
+        score_files(composed(others), pattern, label)
+        return
+    name = str(arguments.reference.name).replace("'", "\\'")
+    dataset = ["dataset=table", f"dataset.reference_file='{name}'"]  # the label in tables contains the name of the file
+    clock = ["filter.clock=unix"] if {arguments.reference.suffix, Path(files[0]).suffix} == {".tum"} else []
+    settings = _reference_settings(arguments.reference.expanduser(), overrides)
+    score_files(composed([*dataset, *clock, *others]), pattern, label, settings)
+
+
+def _reference_settings(path: Path, overrides: list[str]) -> dict[str, Any]:
+    """Return the parameters of `dataset=table` for a recording that consists only of a reference trajectory.
+
+    Parameters that the user has set with overrides are left out.
+
+    Raises:
+        RecordingError: The file does not exist, or its columns with time and position cannot be recognised.
+    """
+    from jerkbench.datasets.table import Tables
+    from jerkbench.inspection.guessing import guess_tables
+    from jerkbench.io.trajectory import TUM
+
+    if not path.is_file():
+        raise RecordingError(f"The reference {path} does not exist; correct the path.")
+    settings: dict[str, Any] = {"folder": str(path.resolve().parent), "position_file": path.name}
+    if path.suffix == ".tum":
+        settings |= TUM | {"position_time": TUM["time"], "position_columns": TUM["position"], "position_frame": "enu"}
+    elif path.suffix != ".pos":
+        settings |= guess_tables(path).settings
+    names = ("file", "time", "time_unit", "frame")
+    settings |= {f"reference_{name}": settings[key] for name in names if (key := f"position_{name}") in settings}
+    settings |= {"reference_position": settings.get("position_columns", ()), "drop_leaps": False, "imu_file": ""}
+    settings |= {"velocity_file": "", "reference_independent": True, "reference_source": f"{path.name}, as it is given"}
+    typed = {override.partition("=")[0].removeprefix("dataset.") for override in overrides}
+    return {f.name: settings[f.name] for f in fields(Tables) if f.name in settings and f.name not in typed}
+
+
+def _seed_overrides(seeds: list[int], overrides: list[str]) -> list[str]:
+    """Return the overrides ``first_seed`` and ``seeds`` for the seeds of the trajectory files.
+
+    Raises:
+        PluginError: The file of a seed between the first and the last seed is missing.
+    """
+    missing = sorted(set(range(seeds[0], seeds[-1] + 1)) - set(seeds))
+    if missing and not any(override.startswith("seeds=") for override in overrides):
+        lacking = f"{', '.join(map(str, missing))} (of {seeds[0]} to {seeds[-1]})"
+        raise PluginError(f"The files of the seeds {lacking} are missing; add these, or give first_seed=... seeds=...")
+    return [f"first_seed={seeds[0]}", f"seeds={len(seeds)}"]
 
 
 @command(
@@ -144,7 +235,6 @@ def suite_run_command(arguments: argparse.Namespace) -> None:
 
 
 def _spec(overrides: Sequence[str]) -> Mapping[str, Any]:
-    from jerkbench.errors import PluginError
     from jerkbench.hydra_app.composition import composed
     from jerkbench.hydra_app.overrides import owner
 

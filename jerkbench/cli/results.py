@@ -1,4 +1,4 @@
-"""The commands that show, compare and cite the results of studies: table, figures, report, compare, cite."""
+"""The commands for stored results: table, figures, report, compare, rerun, export, cite."""
 
 import argparse
 import sys
@@ -189,6 +189,72 @@ def report_command(arguments: argparse.Namespace) -> None:
     report_excluded_programs(study, run_programs=arguments.run_programs)
     write_report(study, path, request, processors(), *judging(arguments))
     print(path)
+
+
+DIFFERENT = 1
+"""Exit code of `rerun` if a number differs."""
+
+ROW_ARGUMENTS = (
+    argument("folder", type=Path, help="a study's folder, or a folder of cells"),
+    argument("row", type=count, metavar="ROW", help="number of the row in rows.csv (from 1)"),
+    RUN_PROGRAMS,
+)
+"""The arguments that select a row of the stored results."""
+
+
+@command(*ROW_ARGUMENTS)
+def rerun_command(arguments: argparse.Namespace) -> None:
+    """Run a row again from its stored configuration, and compare all numbers.
+
+    Numbers are considered equal if their relative difference is at most 1e-9.
+
+      jerkbench rerun results/first 1
+      jerkbench rerun results/first 12
+
+    Raises:
+        JerkbenchError: The row does not exist, or its data have changed.
+        SystemExit: 1 if a number differs.
+    """
+    from jerkbench.jobs.replay import SAME_WITHIN, relative_difference, replay_differences, stored_row
+    from jerkbench.report.terminal import print_grid
+
+    row = stored_row(arguments.folder, arguments.row, run_programs=arguments.run_programs)
+    numbers = replay_differences(row)
+    differences = [relative_difference(a, b) for _, a, b in numbers]
+    marks = ["differs" if difference > SAME_WITHIN else "" for difference in differences]
+    lines = [[name, repr(a), repr(b), mark] for (name, a, b), mark in zip(numbers, marks, strict=True)]
+    notes = ["The code or a library has changed since the row was stored."] if row.code_changed else []
+    title = f"{', '.join(row.job.labels)}, {row.row['replicate']} {row.draw}"
+    print_grid(title, ["", "stored", "new", ""], lines, notes)
+    differing = marks.count("differs")
+    largest = f"{max(differences, default=0.0):.2g}"
+    print(f"{differing} of {len(numbers)} numbers differ. The largest relative difference is {largest}.")
+    if differing:
+        raise SystemExit(DIFFERENT)
+
+
+@command(
+    *ROW_ARGUMENTS,
+    argument("--tum", type=Path, metavar="FOLDER", required=True, help="write estimate.tum, reference.tum"),
+)
+def export_command(arguments: argparse.Namespace) -> None:
+    """Write the trajectories of a stored run in the TUM format.
+
+      jerkbench export results/first 1 --tum trajectories
+      jerkbench export results/first 12 --tum other_trajectories
+
+    Raises:
+        JerkbenchError: The row does not exist, its data have changed, or the run has no reference.
+    """
+    from jerkbench.evaluation.counted_rows import counted_rows
+    from jerkbench.jobs.replay import stored_row
+    from jerkbench.report.writers import write_tum_pair
+
+    row = stored_row(arguments.folder, arguments.row, run_programs=arguments.run_programs)
+    recording, estimate = row.run()
+    counted = counted_rows(estimate, recording, row.job.protocol.burn_in_s)
+    for path in write_tum_pair(arguments.tum, recording, estimate, counted):
+        print(path)
 
 
 @command(argument("folder", nargs="?", type=Path, help="the study's folder (default: cite only jerkbench)"))
