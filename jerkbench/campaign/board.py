@@ -3,11 +3,10 @@
 import math
 import random
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -197,37 +196,31 @@ def write_board(folder: Path, count: int) -> Path:
         content = f"entries of {', '.join(sorted(suites))}" if suites else "no entry that can be checked"
         reason = f" {remarks[0]}" if remarks else ""
         raise JerkbenchError(f"{folder} contains {content}; give the parent folder of entries of one suite.{reason}")
-    board = board_of(checked, read_suite(suites.pop()), [plain(note) for note in remarks])
-    write_text(folder / "board.md", board_markdown(board))
+    write_text(folder / "board.md", board_text(checked, read_suite(suites.pop()), remarks))
     return folder / "board.md"
 
 
-def board_of(
-    checked: Sequence[tuple[Entry, CheckedEntry]], protocol: SuiteProtocol, more: Sequence[str] = ()
-) -> dict[str, Any]:
-    """Return the content of the board as plain data: name, description, column heads, rows and remarks.
+def board_text(checked: Sequence[tuple[Entry, CheckedEntry]], protocol: SuiteProtocol, left_out: Sequence[str]) -> str:
+    """Return the board as a Markdown document. An entry with missing or superfluous rows is not ranked.
 
-    An entry with missing or superfluous rows is not ranked.
+    The remarks below the table consist of the results of the verification and of the texts in ``left_out``.
     """
-    remarks = [
-        plain(f"{entry.name}: {text}") for entry, result in checked for text in (*result.mistakes, *result.remarks)
-    ]
+    found = [f"{entry.name}: {text}" for entry, result in checked for text in (*result.mistakes, *result.remarks)]
     scored = [pair for pair in checked if not missing_mistakes(pair[0], protocol)]
-    lines: list[list[str]] = []
+    lines = list[list[str]]()
     if scored:
         ranks = rank_range(np.stack([ratios(entry.rows) for entry, _ in scored], axis=-1)[:, None])
         for k in np.lexsort([np.arange(len(scored)), ranks.high, ranks.low, ranks.rank]).tolist():
             rank = f"{ranks.rank[k]} ({ranks.low[k]} to {ranks.high[k]})"
-            lines.append([rank, *_cells(scored[k][0], scored[k][1], protocol)])
+            entry, result = scored[k]
+            lines.append([_escaped(cell) for cell in (rank, *_cells(entry, result, protocol))])
     ratio = f"ratio to tuned plain [95 % for {protocol.entries} entries at once]"
     heads = ["rank (95 %)", "entry", "n", ratio, "verdict", "without a fault", "worse by 3 % on [%]", "worst kind"]
-    return {
-        "name": protocol.name,
-        "about": " ".join(about_suite(protocol, "board").split()),
-        "heads": [*heads, "lost [%]", "ns a step", "tuned", "verified"],
-        "lines": lines,
-        "remarks": [*remarks, *more],
-    }
+    heads += ["lost [%]", "ns a step", "tuned", "verified"]
+    table = "".join(f"| {' | '.join(row)} |\n" for row in (heads, ["---"] * len(heads), *lines))
+    remarks = "".join(f"- {_escaped(plain(text))}\n" for text in (*found, *left_out))
+    about = " ".join(about_suite(protocol, "board").split())
+    return f"# {protocol.name}\n\n{about}\n\n{table}\n{remarks}"
 
 
 def _cells(entry: Entry, result: CheckedEntry, protocol: SuiteProtocol) -> list[str]:
@@ -245,15 +238,6 @@ def _cells(entry: Entry, result: CheckedEntry, protocol: SuiteProtocol) -> list[
         "yes" if entry.manifest.get("tuned") else "no",
         "no: see below" if result.mistakes else f"yes, {result.rerun} rows" if result.rerun else "its files only",
     ]
-
-
-def board_markdown(board: Mapping[str, Any]) -> str:
-    """Return the board as a Markdown document."""
-    heads, lines = board["heads"], board["lines"]
-    rows = [heads, ["---"] * len(heads), *([_escaped(cell) for cell in line] for line in lines)]
-    table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
-    remarks = "".join(f"- {_escaped(text)}\n" for text in board["remarks"])
-    return f"# {board['name']}\n\n{board['about']}\n\n{table}\n{remarks}"
 
 
 def _escaped(text: str) -> str:
