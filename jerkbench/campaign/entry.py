@@ -135,9 +135,8 @@ def enter(scale: str, method: MethodSpec, name: str, runs: CampaignRuns, command
     manifest |= {"command": command, "code": code_digest(), "plugins": plugins_digest(method, protocol)}
     manifest |= {"git_commit": git_commit(), "versions": versions(), "score": score_as_json(rows, protocol)}
     manifest["files"] = file_hashes(folder, HASHED)
-    write_text(
-        folder / ENTRY_FILE, json.dumps(manifest, indent=1) + "\n"
-    )  # the manifest is written last, so that an entry with a manifest is complete
+    # The manifest is written last, so that an entry with a manifest is complete.
+    write_text(folder / ENTRY_FILE, json.dumps(manifest, indent=1) + "\n")
     return page
 
 

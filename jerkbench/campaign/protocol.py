@@ -30,10 +30,10 @@ def digest_of(stated: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(stated, sort_keys=True, default=list).encode()).hexdigest()[:12]
 
 
-def _fields(cls: type, stated: Mapping[str, Any], where: str | Path, optional: str = "") -> dict[str, Any]:
-    """Return the values of the fields of a protocol. Unknown keys, and missing keys except ``optional``, are errors."""
-    known = {field.name for field in dataclasses.fields(cls)}
-    if wrong := sorted(known ^ {*stated, *filter(None, [optional])}):
+def _fields(cls: type, stated: Mapping[str, Any], where: str | Path) -> dict[str, Any]:
+    """Return the values of the fields of a protocol. Unknown keys, and missing keys without a default, are errors."""
+    known = {field.name: field.default is not dataclasses.MISSING for field in dataclasses.fields(cls)}
+    if wrong := sorted(name for name in known.keys() ^ stated.keys() if not known.get(name)):
         problem = f"does not have the key {wrong[0]}" if wrong[0] in known else f"has the unknown key {wrong[0]}"
         raise PluginError(f"{where} {problem}. The keys are {', '.join(sorted(known))}.")
     return {key: tuple(value) if isinstance(value, list) else value for key, value in stated.items()}
@@ -293,10 +293,8 @@ class AuditProtocol(Limited):
         """The estimators that the audit evaluates separately, some of them with each adaptation that they support."""
         without_adaptation = [AuditMethod(name, self.plain) for name in self.apart]
         taken = {name: plugins.create("filter", {"name": name}).adaptations for name in self.apart_with_adaptations}
-        return [
-            *without_adaptation,
-            *(AuditMethod(name, rule) for name in taken for rule in self.compared if rule in taken[name]),
-        ]
+        adapted = [AuditMethod(name, rule) for name in taken for rule in self.compared if rule in taken[name]]
+        return [*without_adaptation, *adapted]
 
     def searches(self, method: AuditMethod) -> tuple[int, ...]:
         """Return the number of settings of each search of a method. A plain filter has a short and a long search."""
@@ -334,4 +332,4 @@ def audit_protocol(stated: Mapping[str, Any], where: str | Path) -> AuditProtoco
     Raises:
         PluginError: A parameter is missing or unknown, or the protocol is inconsistent.
     """
-    return AuditProtocol(**_fields(AuditProtocol, stated, where, optional="" if "only" in stated else "only"))
+    return AuditProtocol(**_fields(AuditProtocol, stated, where))
