@@ -101,11 +101,6 @@ def _require_private(file: os.stat_result) -> None:
         raise Distrusted("other users may write to the file")
 
 
-def exists(path: Path) -> bool:
-    """Return whether ``path`` exists. A broken symbolic link counts as existing."""
-    return path.is_symlink() or path.exists()
-
-
 def forget_oldest(folder: Path, pattern: str, most_bytes: int) -> None:
     """Delete the oldest files of a cache until the total size is at most ``most_bytes``.
 

@@ -22,8 +22,8 @@ MAX_FILE_LINES = 500
 MAX_MODULES, MAX_FOLDERS = 162, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
-    "campaign": 1567,
-    "cli": 832,
+    "campaign": 1552,
+    "cli": 830,
     "compilation": 427,
     "evaluation": 965,
     "hydra_app": 720,
@@ -31,10 +31,10 @@ MAX_CODE = {
     "inertial": 1038,
     "inspection": 1762,
     "io": 2593,
-    "jerkbench": 1726,
-    "jobs": 1712,
+    "jerkbench": 1724,
+    "jobs": 1703,
     "kinematic": 1309,
-    "plugins": 738,
+    "plugins": 736,
     "report": 2630,
     "simulation": 598,
 }

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from jerkbench.jobs.study import Study
     from jerkbench.report.changes import StudyComparison
     from jerkbench.report.study_verdicts import StudyVerdicts
-    from jerkbench.report.table_model import Table
 
 NOTHING_COMPARED = (
     "No comparison is possible: each scenario has one method, or lower values of the metric are not better."
@@ -66,6 +65,8 @@ def table_command(arguments: argparse.Namespace) -> None:
     from jerkbench.report.comparisons import parse_baseline
     from jerkbench.report.study_verdicts import study_verdicts
     from jerkbench.report.summary import main_metric, summarise
+    from jerkbench.report.terminal import print_table
+    from jerkbench.report.writers import WRITERS
 
     study = load_study(arguments.folder)
     metric = arguments.metric or main_metric(study.rows)
@@ -76,7 +77,10 @@ def table_command(arguments: argparse.Namespace) -> None:
     if arguments.findings:
         print(_findings(study, verdicts, baseline, every=arguments.all) or NOTHING_COMPARED)
         return
-    _write(table, arguments)
+    if arguments.format == "terminal":
+        print_table(table, "repeat the command with --notes", wide=arguments.wide, every_note=arguments.notes)
+    else:
+        print(WRITERS[arguments.format](table), end="")
 
 
 def _findings(study: "Study", verdicts: "StudyVerdicts", baseline: "Mapping[str, str] | None", *, every: bool) -> str:
@@ -97,16 +101,6 @@ def _findings(study: "Study", verdicts: "StudyVerdicts", baseline: "Mapping[str,
     title, details = answer(standings)
     several = *details, *across(verdicts), *compared
     return "\n".join([f"{title.rstrip('.')}.", *several])
-
-
-def _write(table: "Table", arguments: argparse.Namespace) -> None:
-    from jerkbench.report.terminal import print_table
-    from jerkbench.report.writers import WRITERS
-
-    if arguments.format == "terminal":
-        print_table(table, "repeat the command with --notes", wide=arguments.wide, every_note=arguments.notes)
-    else:
-        print(WRITERS[arguments.format](table), end="")
 
 
 def _factors(names: str | None) -> list[str] | None:

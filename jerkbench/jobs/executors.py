@@ -286,14 +286,12 @@ def _connected(distributed: Any, cluster: Any) -> Iterator[Pool]:  # noqa: ANN40
             raise ClusterError(f"The Dask scheduler {cluster} does not answer: {error}.") from error
         stack.callback(client.close, timeout=5)
         executor = client.get_executor(pure=False)  # by default, Dask merges equal calls
-        unreachable = (
-            f"The Dask scheduler {name} is gone. Finished runs are stored; the same command continues the sweep."
-        )
+        gone = f"The Dask scheduler {name} is gone. Finished runs are stored; the same command continues the sweep."
         try:
             yield Pool(
                 executor,
                 lambda: 2 * max(1, sum(client.nthreads().values())),
-                lambda: "" if client.status == "running" else unreachable,
+                lambda: "" if client.status == "running" else gone,
             )
         finally:
             if client.status == "running":

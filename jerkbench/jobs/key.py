@@ -133,6 +133,10 @@ MAX_HASHED_BYTES = 64_000_000
 """A larger file is represented in the digest by its size and the time of its last change."""
 
 
+_THIS_PROCESS = secrets.token_hex(32)
+"""The hash of plugins without a source file, which is different in each process."""
+
+
 @cache
 def plugin_digest(cls: type) -> str:
     """Return a hash of the code of a plugin of another package and of its base classes.
@@ -148,13 +152,8 @@ def plugin_digest(cls: type) -> str:
         modules = sorted({base.__module__ for base in bases})
         lines = [*(line for module in modules for line in _module_lines(module)), *named]
     except LookupError:
-        return _this_process()
+        return _THIS_PROCESS
     return _hash("\n".join(lines)) if lines else ""
-
-
-@cache
-def _this_process() -> str:
-    return secrets.token_hex(32)
 
 
 def _module_lines(module: str) -> Iterator[str]:

@@ -16,32 +16,28 @@ from rich.progress import Progress as Bar
 from jerkbench.notices import plain_output, styled
 
 FIRST_S = 15.0
+"""Time from the start until the first line is printed [s]."""
+
 EVERY_S = 60.0
+"""Interval between all later lines [s]."""
 
 
 @contextmanager
-def pulse(
-    line: Callable[[float], str],
-    write: Callable[[str], object] | None = None,
-    first_s: float = FIRST_S,
-    every_s: float = EVERY_S,
-) -> Iterator[None]:
+def pulse(line: Callable[[float], str], write: Callable[[str], object] | None = None) -> Iterator[None]:
     """Print a line at intervals while the body of ``with`` runs, to show that the program is working.
 
     Args:
         line: Function that receives the elapsed time [s] and returns the line to print.
         write: Function that prints a line (by default, on standard error).
-        first_s: Time from the start until the first line is printed [s].
-        every_s: Interval between all later lines [s].
     """
     show = write or partial(print, file=sys.stderr, flush=True)
     ended, began = threading.Event(), monotonic()
 
     def beat() -> None:
-        wait_s = first_s
+        wait_s = FIRST_S
         while not ended.wait(wait_s):
             show(line(monotonic() - began))
-            wait_s = every_s
+            wait_s = EVERY_S
 
     thread = threading.Thread(target=beat, daemon=True)
     thread.start()

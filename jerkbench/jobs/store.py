@@ -31,7 +31,7 @@ import pyarrow.parquet as pq
 from jerkbench.arrays import BoolArray, IntArray
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.evaluated_run import RUN_COLUMNS
-from jerkbench.files import exists, write_atomically
+from jerkbench.files import write_atomically
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.manifest import ShownSeeds, Stretches, read_manifest
 from jerkbench.jobs.rows import Row
@@ -434,7 +434,7 @@ class Store:
             FileNotFoundError: The file does not exist, for example because another process has joined files.
         """
         path, match = self._path(name), PART_NAME.fullmatch(name)
-        if not match or (exists(path) and not path.is_file()):  # reading a pipe would never end
+        if not match or ((path.is_symlink() or path.exists()) and not path.is_file()):  # reading a pipe would never end
             return None
         try:
             content = path.read_bytes()

@@ -79,10 +79,8 @@ def _findings(kind: str, entry: EntryPoint) -> tuple[list[str], list[str]]:
         return [f"It cannot be imported: {type(error).__name__}: {reason}."], []
     try:
         plugins.register(kind, entry.name)(cls)
-        missing = dataclasses.MISSING
-        if required := [
-            f.name for f in dataclasses.fields(cls) if f.default is missing and f.default_factory is missing
-        ]:
+        parameters, missing = dataclasses.fields(cls), dataclasses.MISSING
+        if required := [f.name for f in parameters if f.default is missing and f.default_factory is missing]:
             names = ", ".join(required)
             return [], [f"{cls.__name__} has no default for {names}, so it was not tried; call check_plugin."]
         plugin = plugins.create(kind, {"name": entry.name})

@@ -5,13 +5,12 @@ import re
 import time
 from collections import deque
 from concurrent.futures import CancelledError, Executor, Future
-from functools import partial
 
 import pytest
 
 from jerkbench.jobs import progress as progress_module
 from jerkbench.jobs.executors import ClusterError, Pool
-from jerkbench.jobs.progress import Progress, pulse
+from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.run import outcomes, run_chunk
 
 
@@ -129,7 +128,8 @@ def test_what_is_left_is_counted_and_without_anything_left_there_is_no_bar(capsy
 
 
 def test_a_pipe_hears_how_far_it_is(capsys, monkeypatch):
-    monkeypatch.setattr(progress_module, "pulse", partial(pulse, first_s=0.01, every_s=0.01))
+    monkeypatch.setattr(progress_module, "FIRST_S", 0.01)
+    monkeypatch.setattr(progress_module, "EVERY_S", 0.01)
     with Progress(4) as progress:
         progress.advance(["diverged"])
         err = ""

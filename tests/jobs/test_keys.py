@@ -177,7 +177,7 @@ def test_a_class_without_a_file_is_another_in_each_process_and_ours_are_covered_
     before = plugin_digest(rule)
     plugin_digest.cache_clear()
     assert plugin_digest(rule) == before
-    monkeypatch.setattr("jerkbench.jobs.key._this_process", lambda: "another")
+    monkeypatch.setattr("jerkbench.jobs.key._THIS_PROCESS", "another")
     plugin_digest.cache_clear()
     assert plugin_digest(rule) == "another"
     assert plugin_digest(Mtf) == ""
