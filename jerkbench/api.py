@@ -263,7 +263,7 @@ def report(
         JerkbenchError: The study has no results.
     """
     from jerkbench.jobs.executors import processors
-    from jerkbench.jobs.replay import report_excluded_programs
+    from jerkbench.jobs.study import report_excluded_programs
     from jerkbench.report import figures_choice
     from jerkbench.report.study_figures import REPORT, Request, write_report
 

@@ -38,7 +38,7 @@ from jerkbench.evaluation.judgement import LEVEL, Verdict
 from jerkbench.files import cache_folder, filled_template, read_yaml, write_atomically, write_text
 from jerkbench.jobs.key import code_digest, git_commit, plugin_digest, versions
 from jerkbench.jobs.progress import Progress
-from jerkbench.jobs.replay import program_of
+from jerkbench.jobs.study import program_of
 from jerkbench.report.writers import passive
 
 ROWS_FILE, SETTINGS, PAGE, ENTRY_FILE = "rows.parquet", "settings.yaml", "entry.md", "manifest.json"

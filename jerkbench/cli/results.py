@@ -128,8 +128,7 @@ def figures_command(arguments: argparse.Namespace) -> None:
         JerkbenchError: The folder has no results, or a method, a scenario or the seed is unknown.
     """
     from jerkbench.jobs.executors import processors
-    from jerkbench.jobs.replay import report_excluded_programs
-    from jerkbench.jobs.study import load_study
+    from jerkbench.jobs.study import load_study, report_excluded_programs
     from jerkbench.report.plots.style import BETWEEN
     from jerkbench.report.study_figures import FIGURES, LIMIT, Request, draw_study
 
@@ -171,8 +170,7 @@ def report_command(arguments: argparse.Namespace) -> None:
         JerkbenchError: The folder has no results, or the path of the file is a folder.
     """
     from jerkbench.jobs.executors import processors
-    from jerkbench.jobs.replay import report_excluded_programs
-    from jerkbench.jobs.study import load_study
+    from jerkbench.jobs.study import load_study, report_excluded_programs
     from jerkbench.report.study_figures import REPORT, Request, write_report
 
     study = load_study(arguments.folder)
@@ -209,7 +207,7 @@ def rerun_command(arguments: argparse.Namespace) -> None:
         JerkbenchError: The row does not exist, or its data have changed.
         SystemExit: 1 if a number differs.
     """
-    from jerkbench.jobs.replay import SAME_WITHIN, relative_difference, replay_differences, stored_row
+    from jerkbench.jobs.study import SAME_WITHIN, relative_difference, replay_differences, stored_row
     from jerkbench.report.terminal import print_grid
 
     row = stored_row(arguments.folder, arguments.row, run_programs=arguments.run_programs)
@@ -241,7 +239,7 @@ def export_command(arguments: argparse.Namespace) -> None:
         JerkbenchError: The row does not exist, its data have changed, or the run has no reference.
     """
     from jerkbench.evaluation.counted_rows import counted_rows
-    from jerkbench.jobs.replay import stored_row
+    from jerkbench.jobs.study import stored_row
     from jerkbench.report.writers import write_tum_pair
 
     row = stored_row(arguments.folder, arguments.row, run_programs=arguments.run_programs)

@@ -4,5 +4,5 @@ The module `job` defines a job, `names` creates jobs from plugin names, and `key
 the result rows of a job depend. The module `plan` divides the jobs of a sweep into tasks. The module `run` sends the
 tasks to the worker processes of `executors`. The module `rows` computes the rows of a task, and `inputs` caches the
 recordings that several runs use. The module `store` writes and reads the rows, and `manifest` describes the commands of
-a study. The module `study` combines the stored rows with the manifest, and `replay` runs a stored row again.
+a study. The module `study` combines the stored rows with the manifest, and runs a stored row again.
 """

@@ -31,7 +31,7 @@ _UNITS = {
 """The unit for each last part of a column name."""
 
 STEP = Column("Time a step: one run alone, the quickest of five")
-"""Description of the column step_ns, which `jerkbench.jobs.replay` adds."""
+"""Description of the column step_ns."""
 
 _SPELLINGS = {"rmse": "RMSE", "anees": "ANEES", "anis": "ANIS", "max": "maximum"}
 """Spelling of abbreviations in column names, for titles."""

@@ -27,11 +27,10 @@ from jerkbench.jobs.executors import Workers
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.manifest import read_manifest
 from jerkbench.jobs.progress import Progress
-from jerkbench.jobs.replay import row_of, runnable
 from jerkbench.jobs.rows import run_seed
 from jerkbench.jobs.run import outcomes
 from jerkbench.jobs.store import Store, Stored
-from jerkbench.jobs.study import Study, named_part
+from jerkbench.jobs.study import Study, named_part, row_of, runnable
 from jerkbench.recording import Recording
 from jerkbench.report import Choice
 from jerkbench.report.columns import METHOD, SCENARIO_FACTORS, competes

@@ -8,8 +8,7 @@ import pandas as pd
 import pytest
 
 from commands import verb
-from jerkbench.jobs.replay import replay_differences, stored_row
-from jerkbench.jobs.study import load_study
+from jerkbench.jobs.study import load_study, replay_differences, stored_row
 
 MADE = Path(__file__).parent / "made_with_020"
 MEANS = ["0.0287", "0.0284", "0.0297", "0.0295", "1.03", "0.0284", "1.11", "0.0295"]

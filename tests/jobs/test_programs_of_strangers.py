@@ -7,8 +7,8 @@ from jerkbench import api
 from jerkbench.errors import PluginError
 from jerkbench.filters.trajectory import Command
 from jerkbench.jobs.job import replaced
-from jerkbench.jobs.replay import program_of, runnable, stored_row
 from jerkbench.jobs.store import Store
+from jerkbench.jobs.study import program_of, runnable, stored_row
 from stored_cells import put
 
 PROGRAM = """#!/bin/sh

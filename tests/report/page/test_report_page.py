@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 from commands import swept
-from jerkbench.jobs.replay import row_of
 from jerkbench.jobs.store import Store
+from jerkbench.jobs.study import row_of
 from jerkbench.report.page import page
 from jerkbench.report.page_content import settings
 from jerkbench.report.plots.studies import Picture
