@@ -103,15 +103,12 @@ def _fetch_file(file: PublicFile, folder: Path, say: Callable[[str], None]) -> N
         return
     say(f"{file.name}: downloading {f'{file.size / 1e6:.1f} MB' if file.size else ''}".rstrip())
     pooch.get_logger().setLevel("ERROR")  # pooch would print the name of the file again
-    files = pooch.create(
-        folder, "", registry={file.name: file.sha256}, urls={file.name: file.url}, retry_if_failed=RETRIES
-    )
+    hashes, urls = {file.name: file.sha256}, {file.name: file.url}
+    files = pooch.create(folder, "", registry=hashes, urls=urls, retry_if_failed=RETRIES)
     try:
         files.fetch(file.name, downloader=pooch.HTTPDownloader(timeout=TIMEOUT_S))
     except RequestException as error:
-        answer = (
-            f"the server answers {error.response.status_code}" if error.response is not None else type(error).__name__
-        )
+        answer = type(error).__name__ if error.response is None else f"the server answers {error.response.status_code}"
         message = f"{file.url} cannot be downloaded ({answer})"
         raise RecordingError(f"{message}; run the command again to continue, or download the file by hand.") from error
     except ValueError as error:  # pooch raises a ValueError if the hash is wrong

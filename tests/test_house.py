@@ -19,22 +19,22 @@ ROOT = Path(jerkbench.__file__).parents[1]
 MAX_FILE_LINES = 500
 """Lines of a file."""
 
-MAX_MODULES, MAX_FOLDERS = 162, 23
+MAX_MODULES, MAX_FOLDERS = 161, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
     "campaign": 1552,
-    "cli": 830,
+    "cli": 820,
     "compilation": 427,
     "evaluation": 965,
-    "hydra_app": 720,
+    "hydra_app": 719,
     "hydra_plugins": 15,
     "inertial": 1038,
     "inspection": 1762,
     "io": 2593,
-    "jerkbench": 1724,
-    "jobs": 1703,
+    "jerkbench": 1721,
+    "jobs": 1691,
     "kinematic": 1309,
-    "plugins": 736,
+    "plugins": 735,
     "report": 2630,
     "simulation": 598,
 }

@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -152,18 +152,6 @@ def _parameters(part: str, plugin: object) -> Sequence[TunableParameter]:
     ]
 
 
-class Sampler(Protocol):
-    """An algorithm that selects settings. Samplers are deterministic: the same calls return the same settings."""
-
-    def suggest(self, count: int) -> FloatArray:
-        """Return the next settings as fractions of the ranges, shape (count, d)."""
-        ...
-
-    def observe(self, losses: Sequence[float]) -> None:
-        """Pass the losses of the last suggested settings to the sampler. Smaller losses are better."""
-        ...
-
-
 class Sobol:
     """A sampler of a scrambled Sobol sequence, which covers the search space evenly and does not depend on the losses.
 
@@ -179,7 +167,7 @@ class Sobol:
         self._sequence = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed), bits=30)
 
     def suggest(self, count: int) -> FloatArray:
-        """Return the next ``count`` points of the Sobol sequence."""
+        """Return the next ``count`` points of the Sobol sequence as fractions of the ranges, shape (count, d)."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # SciPy warns if the number of points is not a power of two
             return np.asarray(self._sequence.random(count), dtype=np.float64)
@@ -196,9 +184,8 @@ class Optuna:
             import cmaes  # noqa: F401 - imported late by Optuna's CMA-ES
             import optuna
         except ImportError as error:
-            raise PluginError(
-                f"The samplers tpe and cma_es need {error.name}: `pip install 'jerkbench[tune]'`, or use sampler=sobol."
-            ) from error
+            needed = f"{error.name}: `pip install 'jerkbench[tune]'`, or use sampler=sobol"
+            raise PluginError(f"The samplers tpe and cma_es need {needed}.") from error
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self._study = optuna.create_study(sampler=getattr(optuna.samplers, sampler)(seed=seed, **options))
         unit = optuna.distributions.FloatDistribution(0.0, 1.0)
@@ -206,7 +193,7 @@ class Optuna:
         self._trials: list[Any] = []
 
     def suggest(self, count: int) -> FloatArray:
-        """Return the next ``count`` settings that Optuna suggests."""
+        """Return the next ``count`` settings that Optuna suggests as fractions of the ranges, shape (count, d)."""
         self._trials = [self._study.ask(self._shares) for _ in range(count)]
         return np.array([[trial.params[name] for name in self._shares] for trial in self._trials])
 
@@ -215,6 +202,9 @@ class Optuna:
         for trial, loss in zip(self._trials, losses, strict=True):
             self._study.tell(trial, loss)
 
+
+Sampler = Sobol | Optuna
+"""An algorithm that selects settings. Samplers are deterministic: the same calls return the same settings."""
 
 SAMPLERS: dict[str, Callable[[int, int], Sampler]] = {
     "sobol": Sobol,

@@ -130,7 +130,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # SIGTERM has the same effect as Ctrl-C
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")  # stdout is None if it is closed
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
-    with plain_output(), _error_messages(), _interrupt_first():
+    with plain_output(), _error_messages():
         _require_installed()
         _require_date()
         given = take_folders(given)
@@ -163,7 +163,11 @@ def _error_messages() -> Iterator[None]:
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _one_line
-            yield
+            try:
+                yield
+            except Exception as error:
+                let_interrupt_through(error)  # a library may have converted an interrupt to another exception
+                raise
     except JerkbenchError as error:
         exit_with(error)
     except MemoryError as error:
@@ -175,16 +179,6 @@ def _error_messages() -> Iterator[None]:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:  # `_file_errors` has already converted errors of input and result files
         exit_with(JerkbenchError(f"The output cannot be written: {error.strerror or error}."))
-
-
-@contextmanager
-def _interrupt_first() -> Iterator[None]:
-    """Raise `KeyboardInterrupt` for an interrupt, even if a library has converted it to another exception."""
-    try:
-        yield
-    except Exception as error:
-        let_interrupt_through(error)
-        raise
 
 
 def _require_installed() -> None:

@@ -47,9 +47,8 @@ def group(name: str, title: str, *commands: Declaration) -> Declaration:
     """Declare a command that has subcommands, such as `jerkbench suite run`."""
 
     def declare(parsers: "Parsers") -> None:
-        inner = parsers.add_parser(name, help=title).add_subparsers(
-            dest=f"{name}_command", required=True, metavar="COMMAND"
-        )
+        parser = parsers.add_parser(name, help=title)
+        inner = parser.add_subparsers(dest=f"{name}_command", required=True, metavar="COMMAND")
         for declared in commands:
             declared(inner)
 

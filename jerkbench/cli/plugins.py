@@ -92,10 +92,9 @@ def check_command(arguments: argparse.Namespace) -> None:
         print(junit(f"jerkbench check {arguments.package}", checked).rstrip())
     else:
         for case in checked:
-            lines = [f"error: {message}" for message in case.failures] + [
-                f"notice: {message}" for message in case.notes
-            ]
-            for line in [*lines, *["satisfies its contract."] * (not case.failures)]:
+            lines = [f"error: {message}" for message in case.failures]
+            lines += [f"notice: {message}" for message in case.notes]
+            for line in lines if case.failures else [*lines, "satisfies its contract."]:
                 print(f"{case.group} {case.name}: {line}")
     if any(case.failures for case in checked):
         raise SystemExit(BROKEN)

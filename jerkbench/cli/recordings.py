@@ -323,16 +323,13 @@ def convert_command(arguments: argparse.Namespace) -> None:
         print(note)
 
 
+EXPORT_FORMATS = "csv (default), parquet, bag, mcap; give this option after KEY=VALUE"
+
+
 @command(
     argument("folder", type=Path, help="the folder to write; it must not exist"),
     argument("overrides", nargs="*", metavar="KEY=VALUE", help="arguments of `jerkbench run`"),
-    argument(
-        "--format",
-        nargs="+",
-        default=["csv"],
-        metavar="FORMAT",
-        help="csv (default), parquet, bag, mcap; give this option after KEY=VALUE",
-    ),
+    argument("--format", nargs="+", default=["csv"], metavar="FORMAT", help=EXPORT_FORMATS),
     flag("--without-reference", help="do not write reference.csv"),
 )
 def data_export_command(arguments: argparse.Namespace) -> None:

@@ -260,10 +260,9 @@ def conclude_sweep(plan: Plan, level: float | None, code: int, store: Store, con
     missing = [key for key, draws in plan.draws.items() if not known.get(key, set()).issuperset(draws)]
     study = None
     if len(missing) < len(plan.jobs):
+        seeds = {key: () if key in missing else draws for key, draws in plan.draws.items()}
         try:
-            study = _write_and_print(
-                store, {key: () if key in missing else draws for key, draws in plan.draws.items()}, config, level
-            )
+            study = _write_and_print(store, seeds, config, level)
         except OSError as error:
             print(f"jerkbench: the tables cannot be written: {error}. Finished runs are stored.", file=sys.stderr)
             return FAILED

@@ -244,13 +244,8 @@ class JobQueue:
 
     def _cluster(self) -> Any:  # noqa: ANN401 - dask-jobqueue has no types
         jobqueue = required("dask_jobqueue", "slurm")
-        named = {
-            "queue": self.queue,
-            "account": self.account,
-            "interface": self.interface,
-            "python": self.python,
-            "log_directory": self.logs,
-        }
+        named = {name: getattr(self, name) for name in ("queue", "account", "interface", "python")}
+        named["log_directory"] = self.logs
         try:
             return jobqueue.SLURMCluster(
                 cores=self.processes,
@@ -308,9 +303,8 @@ def required(module: str, cluster: str) -> ModuleType:
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
-        raise ClusterError(
-            f"cluster={cluster} needs the package {error.name}, which is not installed: pip install 'jerkbench[dask]'."
-        ) from error
+        needed = f"the package {error.name}, which is not installed: pip install 'jerkbench[dask]'"
+        raise ClusterError(f"cluster={cluster} needs {needed}.") from error
 
 
 @contextmanager

@@ -128,9 +128,7 @@ def disturbed(
     recording = load(dataset, dataset.fingerprint(), draw)
     for disturbance in disturbances:
         recording = disturbance.apply(recording, draw)
-    require_data(
-        dataset, disturbances, fingerprint
-    )  # checking the hash after loading detects changes of the data while they were read
+    require_data(dataset, disturbances, fingerprint)  # detects changes of the data while they were read
     return recording
 
 

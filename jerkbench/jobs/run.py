@@ -341,9 +341,8 @@ def run_chunk(content: bytes, folder: str, modules: tuple[str, ...], identity: o
         ClusterError: The worker and the process that sent the chunk have different versions of the code.
     """
     if identity != code_identity():
-        raise ClusterError(
-            f"A worker on {gethostname()} has another version of jerkbench or of a library; install the same version."
-        )
+        other = "another version of jerkbench or of a library; install the same version"
+        raise ClusterError(f"A worker on {gethostname()} has {other}.")
     try:
         _prepare(folder, modules)
         work, tasks = pickle.loads(content)  # noqa: S301 - sent by this user through their own cluster
@@ -375,6 +374,5 @@ def _prepare(folder: str, modules: tuple[str, ...]) -> None:
         try:
             import_module(module)
         except Exception as error:
-            raise PluginError(
-                f"The plugin module {module} cannot be imported in a worker process ({type(error).__name__}: {error})."
-            ) from error
+            reason = f"({type(error).__name__}: {error})"
+            raise PluginError(f"The plugin module {module} cannot be imported in a worker process {reason}.") from error

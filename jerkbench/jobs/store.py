@@ -159,9 +159,8 @@ def _facts(block: RowBlock) -> dict[str, str]:
     metrics = [name for name in dict.fromkeys(chain.from_iterable(block.rows)) if name not in HEAD_COLUMNS]
     entries = {name: value for name, value in block.metadata.items() if name not in ("labels", "spec")}
     entries |= {f"spec.{part}": value for part, value in block.metadata.get("spec", {}).items()}
-    return {KEY: block.key} | {
-        CELL + name: json.dumps(entry) for name, entry in {"columns": metrics, **entries}.items()
-    }
+    texts = {CELL + name: json.dumps(entry) for name, entry in {"columns": metrics, **entries}.items()}
+    return {KEY: block.key, **texts}
 
 
 def _is_part(schema: pa.Schema) -> bool:

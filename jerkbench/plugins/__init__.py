@@ -343,10 +343,9 @@ def misfits(kind: str, cls: type) -> Iterator[str]:
                 yield f"{member} is not used. Did you mean {meant[0]}? Rename it to that, or to a less similar name."
             elif name.islower() and isinstance(value, PARAMETERS) and name not in typed:
                 annotation = type(value).__name__
-                yield (
-                    f"{member} has no type, so it is not a parameter; write {name}: {annotation} = {value!r}, or"
-                    f" {name}: ClassVar[{annotation}] if it is a constant."
-                )
+                constant = f"{name}: ClassVar[{annotation}] if it is a constant"
+                typed_name = f"{name}: {annotation} = {value!r}"
+                yield f"{member} has no type, so it is not a parameter; write {typed_name}, or {constant}."
 
 
 def _public(names: Iterable[str]) -> list[str]:
