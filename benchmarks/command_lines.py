@@ -9,7 +9,7 @@ from typing import TypeVar
 from jerkbench import plugins
 from jerkbench.hydra_app.configuration import Schema
 from jerkbench.jobs.job import Noise
-from jerkbench.presets import preset_names
+from jerkbench.presets import preset_files
 from jerkbench.report.labels import GROUPS
 
 T = TypeVar("T")
@@ -223,7 +223,7 @@ class CommandLines:
         return self._one((self._study, self._study, self._study, "nowhere", "", "/proc", "."))
 
     def _known(self, kind: str) -> list[str]:
-        return [*(plugins.names(kind) if kind in plugins.KINDS else ()), *preset_names(kind)]
+        return [*(plugins.names(kind) if kind in plugins.KINDS else ()), *preset_files(kind)]
 
     def _several(self, known: Sequence[str]) -> str:
         return self._one((",".join, lambda names: f"[{','.join(names)}]"))(

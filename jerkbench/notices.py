@@ -50,10 +50,8 @@ def _claimed(topic: str) -> bool:
         return True
     try:
         (Path(folder) / hashlib.sha256(topic.encode()).hexdigest()).touch(exist_ok=False)
-    except FileExistsError:
-        return False
-    except OSError:
-        return True
+    except OSError as error:
+        return not isinstance(error, FileExistsError)
     return True
 
 

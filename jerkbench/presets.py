@@ -152,11 +152,6 @@ def as_experiment(path: Path) -> dict[str, Any]:
     return {**content, "defaults": choices}
 
 
-def preset_names(kind: str) -> list[str]:
-    """Return the sorted names of the presets of a group."""
-    return list(preset_files(kind))
-
-
 def preset(kind: str, name: str) -> dict[str, Any]:
     """Return the values of conf/KIND/NAME.yaml: the ``defaults`` in order, overridden by the other values in the file.
 
@@ -247,7 +242,7 @@ def _default(kind: str, preset_name: str, entry: object) -> dict[str, Any]:
     if not isinstance(entry, str):
         advice = f"in Python, only names of {kind} are allowed there; give other parts as arguments"
         raise PluginError(f"The preset {kind}/{preset_name} has {entry} in its defaults; {advice}.")
-    if new_name(kind, entry) in preset_names(kind):
+    if new_name(kind, entry) in preset_files(kind):
         return preset(kind, entry)
     if kind == "noise":  # this default is the schema, which sets no values
         return {}

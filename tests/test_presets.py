@@ -6,7 +6,7 @@ from omegaconf import OmegaConf
 from commands import SHORT, verb
 from jerkbench import plugins, presets
 from jerkbench.errors import PluginError
-from jerkbench.presets import preset, preset_names
+from jerkbench.presets import preset, preset_files
 from made_jobs import composed, job_of_words
 
 
@@ -18,7 +18,7 @@ def completed(kind, part):
 KINDS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise", "engine")
 
 
-SHIPPED = {kind: names for kind in KINDS if (names := preset_names(kind))}
+SHIPPED = {kind: names for kind in KINDS if (names := list(preset_files(kind)))}
 TOGETHER = [
     {kind: names[k % len(names)] for kind, names in SHIPPED.items()} for k in range(max(map(len, SHIPPED.values())))
 ]

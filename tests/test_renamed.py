@@ -5,7 +5,7 @@ import pytest
 from jerkbench import plugins
 from jerkbench.hydra_app.composition import composed
 from jerkbench.jobs.names import choose
-from jerkbench.presets import preset_names
+from jerkbench.presets import preset_files
 from jerkbench.renamed import RENAMED, new_argument, new_label
 from jerkbench.report.comparisons import parse_baseline
 
@@ -22,7 +22,7 @@ def test_an_old_name_is_the_new_one_everywhere_and_is_not_listed(capsys, kind, o
     assert not unsaid
     if kind != "noise":
         assert choose(kind, old).plain == choose(kind, new).plain
-    listed = [*preset_names(kind), *(plugins.names(kind) if kind in plugins.KINDS else ())]
+    listed = [*preset_files(kind), *(plugins.names(kind) if kind in plugins.KINDS else ())]
     assert new in listed
     assert old not in listed
 

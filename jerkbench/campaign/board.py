@@ -1,6 +1,5 @@
 """Verification of the entries of a benchmark suite, and the board (a page that ranks the entries)."""
 
-import math
 import random
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -38,10 +37,8 @@ from jerkbench.files import write_text
 from jerkbench.jobs.key import data_fingerprint
 from jerkbench.jobs.preflight import require_inputs
 from jerkbench.jobs.progress import Progress
+from jerkbench.jobs.study import SAME_WITHIN, relative_difference
 from jerkbench.notices import plain
-
-ROW_TOLERANCE = 1e-9
-"""Relative tolerance between a stored number and the same number when it is computed again."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +119,7 @@ def score_mistakes(entry: Entry, protocol: SuiteProtocol) -> Iterator[str]:
 def same(value: object, other: object) -> bool:
     """Return whether two values are equal. The relative tolerance of numbers is 1e-9, and NaN equals NaN."""
     if isinstance(value, float) and isinstance(other, (int, float)):
-        return math.isclose(value, other, rel_tol=ROW_TOLERANCE) or (math.isnan(value) and math.isnan(other))
+        return relative_difference(value, other) <= SAME_WITHIN
     return value == other
 
 

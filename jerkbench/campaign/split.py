@@ -125,13 +125,11 @@ class Cases:
 
 
 def require_one_method(jobs: Sequence[Job]) -> None:
-    """Raise an exception unless there is at least one job and all jobs have the same method.
+    """Raise an exception unless all jobs have the same method.
 
     Raises:
-        PluginError: ``jobs`` is empty, or the jobs differ in the filter, the adaptation, the scale of R or the engine.
+        PluginError: The jobs differ in the filter, the adaptation, the scale of R or the engine.
     """
-    if not jobs:
-        raise PluginError("No scenario is given for the tuning; give dataset=... and disturbance=...")
     for name in ("filter", "adaptation", "r_scale", "engine"):
         if any(getattr(job.method, name) != getattr(jobs[0].method, name) for job in jobs):
             raise PluginError(f"The scenarios have different values of {name}; tune one method at a time.")

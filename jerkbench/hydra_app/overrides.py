@@ -16,7 +16,7 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 from jerkbench import plugins
 from jerkbench.errors import PluginError, unknown
 from jerkbench.evaluation.planning import FIRST
-from jerkbench.presets import default_names, preset_names
+from jerkbench.presets import default_names, preset_files
 from jerkbench.renamed import new_argument
 from jerkbench.report.labels import GROUPS
 
@@ -132,7 +132,7 @@ def _checked(text: str, *, sweeping: bool) -> str:
     if override.is_delete():
         raise PluginError(f"{text}: options cannot be removed; omit {key} for its default value, or give {key}=VALUE.")
     if several and key == "cluster":
-        raise PluginError(f"{text}: a sweep runs on one cluster; give only one of {', '.join(preset_names(key))}.")
+        raise PluginError(f"{text}: a sweep runs on one cluster; give only one of {', '.join(preset_files(key))}.")
     for choice in value.list if isinstance(value, ChoiceSweep) else [value]:
         if isinstance(choice, list) and key in (*GROUPS, "noise"):
             raise PluginError(f"{text}: {key} accepts one value; for a sweep give -m {key}=A,B.")
@@ -147,7 +147,7 @@ def _checked(text: str, *, sweeping: bool) -> str:
 
 def names_in(group: str) -> set[str]:
     """Return the names of the plugins and presets of a group."""
-    return {*(plugins.names(group) if group in plugins.KINDS else ()), *preset_names(group)}
+    return {*(plugins.names(group) if group in plugins.KINDS else ()), *preset_files(group)}
 
 
 # An address is a key that contains the name of a plugin, for example adaptation.mtf.window=4.

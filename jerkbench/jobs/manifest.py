@@ -6,6 +6,7 @@ import platform
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -80,18 +81,13 @@ def _joined(before: Stretches, added: list[list[int]]) -> list[list[int]]:
 def read_manifest(folder: Path) -> dict[str, Any]:
     """Return the manifest of a study. A missing or damaged manifest is returned as an empty dictionary."""
     path = folder / MANIFEST
-    try:
-        if not path.exists():
-            return {}
+    with suppress(FileNotFoundError, ValueError, AttributeError, TypeError, RecursionError):
         if path.is_file():  # reading a pipe would never end
             manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
             if _is_valid(manifest):
                 return manifest
-    except FileNotFoundError:
-        return {}
-    except (ValueError, AttributeError, TypeError, RecursionError):  # the file is damaged
-        pass
-    print(f"{path} is damaged and ignored; `jerkbench run` writes the file again.", file=sys.stderr)
+    if path.exists():
+        print(f"{path} is damaged and ignored; `jerkbench run` writes the file again.", file=sys.stderr)
     return {}
 
 

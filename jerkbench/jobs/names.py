@@ -13,7 +13,7 @@ from jerkbench import plugins
 from jerkbench.contracts import is_attitude_only, preferred_attitude, uses_imu
 from jerkbench.errors import PluginError, require_known
 from jerkbench.jobs.job import Job, Noise, Protocol, build
-from jerkbench.presets import default_names, merged_values, preset, preset_names
+from jerkbench.presets import default_names, merged_values, preset, preset_files
 from jerkbench.renamed import new_name
 from jerkbench.report.labels import labels_of
 
@@ -87,10 +87,10 @@ def choose(kind: str, part: Part) -> SelectedPlugin:
     """
     name, parameters = _split(kind, part)
     name = new_name(kind, name)
-    if name in preset_names(kind):
+    if name in preset_files(kind):
         return _preset(kind, name, parameters)
     if name not in plugins.names(kind):
-        raise PluginError(plugins.no_such(kind, name, preset_names(kind)))
+        raise PluginError(plugins.no_such(kind, name, preset_files(kind)))
     plain = {**parameters, "name": name}
     if kind == "disturbance":
         return SelectedPlugin(name, as_overrides(f"{kind}.{name}", parameters), {name: plain})
@@ -138,7 +138,7 @@ def noise_of(part: Part | None) -> SelectedPlugin:
     for key in parameters:
         require_known("parameter of noise", key, known)
     name = new_name("noise", name)
-    require_known("noise", name, preset_names("noise"))
+    require_known("noise", name, preset_files("noise"))
     return _preset("noise", name, parameters)
 
 

@@ -16,6 +16,7 @@ from jerkbench.jobs.job import Job
 from jerkbench.notices import plain
 from jerkbench.plugins import is_builtin
 from jerkbench.recording import Recording
+from jerkbench.report.labels import bare
 
 
 def require_inputs(job: Job, checked: set[tuple[object, object]]) -> None:
@@ -130,7 +131,7 @@ def first_notes(jobs: Sequence[Job]) -> list[str]:
     for job in drives.values():
         with suppress(Exception):  # the run raises the exception again, and its row gets the status "failed"
             drive = inputs.undisturbed(job.scenario.dataset, job.draws[0])
-            mistakes += [f"{_name(job)}: {diagnosis}" for diagnosis in first_diagnoses(drive)]
+            mistakes += [f"{bare(job.labels.dataset)}: {diagnosis}" for diagnosis in first_diagnoses(drive)]
     for job in firsts.values():
         if isinstance(job.scenario.attitude, Remarking):
             with suppress(Exception):  # the run raises the exception again
@@ -147,7 +148,7 @@ def notes_of(job: Job, recording: Recording) -> list[str]:
 
 
 def _reference_notes(job: Job, recording: Recording) -> list[str]:
-    reference, name = recording.reference, _name(job)
+    reference, name = recording.reference, bare(job.labels.dataset)
     notes = [f"{name}: {note}" for note in (*recording.notes, *imu_gap_notes(recording.imu))]
     if reference.empty:
         return [f"{name} has no reference: {reference.source}.", *notes]
@@ -158,9 +159,4 @@ def _reference_notes(job: Job, recording: Recording) -> list[str]:
 def _remarks(job: Job, recording: Recording) -> list[str]:
     parts = job.scenario.attitude, job.method.filter
     of_attitude, of_filter = (part.remarks(recording) if has_methods(part, Remarking) else () for part in parts)
-    return [*(f"{_name(job)}: {note}" for note in of_attitude), *of_filter]
-
-
-def _name(job: Job) -> str:
-    """Return the label of the data set without its parameters."""
-    return job.labels.dataset.partition("(")[0]
+    return [*(f"{bare(job.labels.dataset)}: {note}" for note in of_attitude), *of_filter]

@@ -296,9 +296,8 @@ def row_of(stored: Stored, seed: int | None = None, *, run_programs: bool = Fals
     draw = seeds[0] if seed is None else seed
     if draw not in seeds:
         raise JerkbenchError(f"{stored.key} has no seed {draw}; its seeds are {', '.join(map(str, seeds))}.")
-    metadata = stored.metadata
     row = stored.rows.to_dict("records")[seeds.index(draw)]
-    return StoredRow(_job_of(stored), draw, row, metadata)  # type: ignore[arg-type]  # keys are strings
+    return StoredRow(_job_of(stored), draw, row, dict(stored.metadata))  # type: ignore[arg-type]  # keys are strings
 
 
 def program_of(spec: Mapping[str, Any]) -> str:

@@ -10,9 +10,9 @@ from jerkbench import plugins
 from jerkbench.campaign.protocol import PUBLISHED, audit_protocol, read_protocol
 from jerkbench.errors import PluginError
 from jerkbench.parameters import provenance_of
-from jerkbench.presets import preset, preset_names
+from jerkbench.presets import preset, preset_files
 
-SCALES = preset_names("audit")
+SCALES = list(preset_files("audit"))
 
 
 @pytest.fixture(scope="module")

@@ -12,11 +12,11 @@ import yaml
 
 import pages
 from commands import jerkbench, standing_program, verb
-from jerkbench.campaign.board import ROW_TOLERANCE
 from jerkbench.campaign.entry import HASHED, entry_page, score_of
 from jerkbench.campaign.protocol import read_suite
 from jerkbench.compilation.compiled import COMPILED
 from jerkbench.files import cache_folder
+from jerkbench.jobs.study import SAME_WITHIN
 
 TINY = ["--scale", "v2-tiny", "--workers", "1"]
 ALL = ["--rows", "500"]
@@ -230,4 +230,4 @@ def test_an_entry_of_another_processor_is_what_it_says_to_the_stated_tolerance(m
     own, older = (pd.read_parquet(folder / "rows.parquet") for folder in (made[2], entry))
     assert not own["position_rmse_m"].equals(older["position_rmse_m"])  # they do round otherwise
     numbers = ["position_rmse_m", "anees"]
-    pd.testing.assert_frame_equal(own[numbers], older[numbers], rtol=ROW_TOLERANCE, atol=0.0)
+    pd.testing.assert_frame_equal(own[numbers], older[numbers], rtol=SAME_WITHIN, atol=0.0)

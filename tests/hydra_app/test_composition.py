@@ -12,7 +12,7 @@ from jerkbench import plugins
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.composition import compose_jobs
 from jerkbench.hydra_app.configuration import configured_job, register_schemas
-from jerkbench.presets import config_folder, preset_names, search_path_overrides, take_folders
+from jerkbench.presets import config_folder, preset_files, search_path_overrides, take_folders
 from made_jobs import job_of_words
 
 
@@ -139,7 +139,7 @@ def test_jobs_are_those_of_hydra_and_need_few_compositions(loader, compositions,
 
 def test_every_plugin_and_preset_gives_the_job_of_hydra(loader, compositions):
     values = {
-        group: [*(plugins.names(group) if group in plugins.KINDS else ()), *preset_names(group)]
+        group: [*(plugins.names(group) if group in plugins.KINDS else ()), *preset_files(group)]
         for group in ("filter", "adaptation", "noise", "disturbance", "attitude")
     }
     needy = {"command", "trajectory", "attitude_command", "replayed_gnss"}  # they need a program or a file
@@ -154,7 +154,7 @@ def test_every_plugin_and_preset_gives_the_job_of_hydra(loader, compositions):
 
 @pytest.mark.slow
 def test_every_data_set_brings_the_attitude_filter_that_it_prefers(loader):
-    names = [*plugins.names("dataset"), *preset_names("dataset")]
+    names = [*plugins.names("dataset"), *preset_files("dataset")]
     jobs = [["burn_in_s=3", f"dataset={name}"] for name in names]
     sweep = base(loader)
 

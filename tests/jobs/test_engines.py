@@ -14,7 +14,7 @@ from commands import environment, swept
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.overrides import arranged_overrides
 from jerkbench.jobs.executors import ClusterError, required
-from jerkbench.presets import config_folder, preset_names
+from jerkbench.presets import config_folder, preset_files
 
 PAGE = pages.text("cluster")
 
@@ -42,7 +42,7 @@ def test_the_rows_are_those_of_the_own_pool(expected, tmp_path):
 
 def test_the_page_names_every_cluster_and_its_parameters_and_no_other():
     named = set(re.findall(r"cluster=(\w+)", PAGE))
-    assert named == set(preset_names("cluster"))
+    assert named == set(preset_files("cluster"))
     presets = (config_folder() / "cluster").glob("*.yaml")
     known = {name for path in presets for name in re.findall(r"^(\w+):", path.read_text(), flags=re.MULTILINE)}
     assert set(re.findall(r"cluster\.(\w+)", PAGE)) <= known
