@@ -1,9 +1,9 @@
 """The registry of public recordings, and their download with verification of the hashes."""
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from urllib.parse import quote
 
 from jerkbench.errors import RecordingError, require_known
@@ -66,11 +66,10 @@ def public_recording(name: str) -> PublicRecording:
     return known[name]
 
 
-def _recording(name: str, entry: dict[str, object]) -> PublicRecording:
-    address, listed = str(entry["address"]), entry["files"]
-    assert isinstance(listed, dict)  # noqa: S101 - the registry is part of the package
-    files = (PublicFile(local, address + quote(path), *checks) for local, (path, *checks) in listed.items())
-    return PublicRecording(name, str(entry["title"]), str(entry["licence"]), tuple(files))
+def _recording(name: str, entry: Mapping[str, Any]) -> PublicRecording:
+    listed = entry["files"].items()
+    files = tuple(PublicFile(local, entry["address"] + quote(path), *checks) for local, (path, *checks) in listed)
+    return PublicRecording(name, entry["title"], entry["licence"], files)
 
 
 def fetch(recording: PublicRecording, folder: Path, say: Callable[[str], None]) -> None:
