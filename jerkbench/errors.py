@@ -6,6 +6,9 @@ import sys
 from collections.abc import Collection, Iterable
 from typing import NoReturn
 
+FAILED = 1
+"""Exit code of the command line if a run failed, a plugin violates its contract, or a repeated run differs."""
+
 BAD_INPUT = 2
 """Exit code of the command line for invalid input."""
 

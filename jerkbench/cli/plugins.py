@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from jerkbench.cli.arguments import OUTPUT_FORMAT, argument, command, print_json
+from jerkbench.errors import FAILED
 
 
 @command(argument("kind", nargs="?", help="dataset, disturbance, attitude, filter, adaptation, ..."), OUTPUT_FORMAT)
@@ -66,10 +67,6 @@ def new_command(arguments: argparse.Namespace) -> None:
         print(path)
 
 
-BROKEN = 1
-"""Exit code if a plugin does not satisfy its contract."""
-
-
 @command(
     argument("package", help="a folder with a pyproject.toml, or an installed distribution"),
     argument("--format", choices=("text", "junit"), default="text", help="default: text"),
@@ -97,4 +94,4 @@ def check_command(arguments: argparse.Namespace) -> None:
             for line in lines if case.failures else [*lines, "satisfies its contract."]:
                 print(f"{case.group} {case.name}: {line}")
     if any(case.failures for case in checked):
-        raise SystemExit(BROKEN)
+        raise SystemExit(FAILED)

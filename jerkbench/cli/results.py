@@ -18,7 +18,7 @@ from jerkbench.cli.arguments import (
     judging,
     percentage,
 )
-from jerkbench.errors import NOT_COMPARABLE, JerkbenchError
+from jerkbench.errors import FAILED, NOT_COMPARABLE, JerkbenchError
 from jerkbench.report import Choice
 
 if TYPE_CHECKING:
@@ -183,9 +183,6 @@ def report_command(arguments: argparse.Namespace) -> None:
     print(path)
 
 
-DIFFERENT = 1
-"""Exit code of `rerun` if a number differs."""
-
 ROW_ARGUMENTS = (
     argument("folder", type=Path, help="a study's folder, or a folder of cells"),
     argument("row", type=count, metavar="ROW", help="number of the row in rows.csv (from 1)"),
@@ -222,7 +219,7 @@ def rerun_command(arguments: argparse.Namespace) -> None:
     largest = f"{max(differences, default=0.0):.2g}"
     print(f"{differing} of {len(numbers)} numbers differ. The largest relative difference is {largest}.")
     if differing:
-        raise SystemExit(DIFFERENT)
+        raise SystemExit(FAILED)
 
 
 @command(

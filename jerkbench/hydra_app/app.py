@@ -14,7 +14,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
 from jerkbench.campaign.split import reused_seeds
-from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
+from jerkbench.errors import FAILED, INTERRUPTED, JerkbenchError, PluginError, exit_with
 from jerkbench.evaluation.judgement import Verdict
 from jerkbench.evaluation.planning import interim_levels, interim_sizes
 from jerkbench.filters.trajectory import Command
@@ -77,7 +77,7 @@ def run_one(config: DictConfig) -> None:
         for line in (*first_notes(plan.jobs), *reused):
             print(line, file=sys.stderr)
         if options["dry"]:
-            print_forecast(plan, store, options)
+            print(*forecast(plan, store, options["max_seeds"]), sep="\n")
         else:
             _run_and_show(plan, store, options)
             if figures_choice(options["figures"]) is not Choice.NONE:
@@ -121,8 +121,8 @@ def _run_and_show(plan: Plan, store: Store, options: Options) -> None:
     concluded(study_folder(options), plan.draws, list(options["notes"]), sys.argv)
 
 
-def forecast(plan: Plan, store: Store) -> Iterator[str]:
-    """Yield lines with the state of each combination, and the combinations that are left out."""
+def forecast(plan: Plan, store: Store, max_seeds: int) -> Iterator[str]:
+    """Yield lines with the state of each combination, the combinations that are left out, and the number of runs."""
     known = store.known(plan.draws)
     left = {job.key: len(missing(job, known.get(job.key, ()))) for job in plan.jobs}
     differing = [len(set(values)) > 1 for values in zip(*(job.labels for job in plan.jobs), strict=True)]
@@ -137,18 +137,12 @@ def forecast(plan: Plan, store: Store) -> Iterator[str]:
     yield from plan.refused
     runs, done = sum(left.values()), list(left.values()).count(0)
     yield f"{_count(len(plan.jobs), 'combination')}, {done} complete; {_count(runs, 'run')} to compute."
+    if max_seeds:
+        yield f"These runs are the first interim analysis. Undecided comparisons get more seeds, at most {max_seeds}."
 
 
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'s' * (number != 1)}"
-
-
-def print_forecast(plan: Plan, store: Store, options: Options) -> None:
-    """Print the planned runs."""
-    for line in forecast(plan, store):
-        print(line)
-    if maximum := options["max_seeds"]:
-        print(f"These runs are the first interim analysis. Undecided comparisons get more seeds, at most {maximum}.")
 
 
 def launch(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]]) -> None:
@@ -162,7 +156,7 @@ def launch(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str
     plan, cluster = _planned(loader, config, jobs)
     store = Store(study_folder(config))
     if config.dry:
-        print_forecast(plan, store, config)
+        print(*forecast(plan, store, config.max_seeds), sep="\n")
         return
     analyses = remaining_analyses(plan, config.seeds, config.max_seeds, store)
     code, (plan, level) = 0, analyses[0]
@@ -220,10 +214,6 @@ def _with_seeds(job: Job, seeds: int) -> Job:
         return job
     draws = {seed for first, _ in stretches(job.draws) for seed in range(first, first + seeds)}
     return replace(job, draws=in_order(draws))
-
-
-FAILED = 1
-"""Exit code of a sweep in which a run failed."""
 
 
 def report_end(error: KeyboardInterrupt | OSError | JerkbenchError) -> int:

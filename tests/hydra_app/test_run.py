@@ -56,7 +56,7 @@ def test_a_single_run_says_how_much_of_the_sweep_of_its_experiment_it_ignores(tm
 
 def test_what_is_done_is_not_counted(tmp_path):
     api.sweep(tmp_path / "mine", dataset=FIELD, filter="jerk", seeds=4)
-    told = list(forecast(plan_of("jerk"), Store(tmp_path / "mine")))
+    told = list(forecast(plan_of("jerk"), Store(tmp_path / "mine"), 0))
 
     assert told[1].endswith("jerk, none, default: complete")
     assert told[-1] == "1 combination, 1 complete; 0 runs to compute."
