@@ -8,7 +8,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from jerkbench.errors import PluginError, unknown
+from jerkbench.errors import PluginError, require_known
 from jerkbench.renamed import new_name
 
 _VARIABLES_ALLOWED = "JERKBENCH_ENV"
@@ -165,8 +165,7 @@ def preset(kind: str, name: str) -> dict[str, Any]:
     """
     today = new_name(kind, name)
     files = preset_files(kind)
-    if today not in files:
-        raise PluginError(unknown(f"preset of {kind}", name, files))
+    require_known(f"preset of {kind}", today, files)
     content = _read(files[today])
     defaults = content.pop("defaults", [])
     if kind == "disturbance":

@@ -64,18 +64,11 @@ class Progress:
     def __init__(self, count: int, doing: str = "Sweep", unit: str = "combinations") -> None:
         self._counts: Counter[str] = Counter()
         self._doing, self._things = doing, unit
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn(unit),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            TextColumn("{task.fields[trouble]}"),
-        )
+        done = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn(unit))
+        times = (TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
+        trouble, console = TextColumn("{task.fields[trouble]}"), Console(file=styled(sys.stderr))
         # A higher refresh rate would slow down the process, which also stores the rows.
-        self._bar = Bar(*columns, console=Console(file=styled(sys.stderr)), refresh_per_second=2)
+        self._bar = Bar(*done, *times, trouble, console=console, refresh_per_second=2)
         self._stack = ExitStack()
         self._count = self._left = count
         self._task = self._bar.add_task(doing, total=self._left, trouble="")
