@@ -329,7 +329,7 @@ def compare_command(arguments: argparse.Namespace) -> None:
     changed = changes(first.rows, second.rows, metric, VerdictRule(arguments.margin / 100))
     comparison = StudyComparison(metric, changed, varying, (), arguments.fail_above, failed=False)
     messages, code = ([], 0) if arguments.fail_above is None else _failures(comparison, first, second)
-    comparison = comparison._replace(notes=_notes(arguments, first, second, comparison), failed=bool(code))
+    comparison = comparison._replace(notes=_notes(first, second, comparison), failed=bool(code))
     if arguments.format in COMPARISON_WRITERS:
         print(COMPARISON_WRITERS[arguments.format](comparison), end="")
     else:
@@ -340,21 +340,18 @@ def compare_command(arguments: argparse.Namespace) -> None:
         raise SystemExit(code)
 
 
-def _notes(arguments: argparse.Namespace, first: "Study", second: "Study", comparison: "StudyComparison") -> list[str]:
+def _notes(first: "Study", second: "Study", comparison: "StudyComparison") -> list[str]:
     from jerkbench.report.changes import notes_of_tests, other_methods
 
-    changed = comparison.changes
-    notes = [
-        f"A: {arguments.first}, {first.code}",
-        f"B: {arguments.second}, {second.code}",
-        *other_methods(first, second),
-    ]
-    notes += [f"{name}: {note}" for name, study in (("A", first), ("B", second)) for note in study.unlike]
+    changed, studies = comparison.changes, {"A": first, "B": second}.items()
+    notes = [f"{name}: {study.folder}, {study.code}" for name, study in studies]
+    notes += other_methods(first, second)
+    notes += [f"{name}: {note}" for name, study in studies for note in study.unlike]
     notes += [READING_NOTE, *notes_of_tests(changed)]
-    counts = (("A", first.combinations - len(changed)), ("B", second.combinations - len(changed)))
+    counts = [(name, study.combinations - len(changed)) for name, study in studies]
     notes += [f"{count} combinations that exist only in {name} are left out." for name, count in counts if count]
-    damaged = (("A", first.damaged), ("B", second.damaged))
-    notes += [f"Damaged files in {name}, which are left out: {', '.join(files)}." for name, files in damaged if files]
+    damaged = [(name, ", ".join(study.damaged)) for name, study in studies if study.damaged]
+    notes += [f"Damaged files in {name}, which are left out: {files}." for name, files in damaged]
     if absent := sum(change.absent for change in changed):
         notes.append(f"{absent} runs of A have no run with the same seed in B.")
     found = zip(comparison.names, comparison.failures, strict=True)
