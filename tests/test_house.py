@@ -32,7 +32,7 @@ MAX_CODE = {
     "inspection": 1762,
     "io": 2593,
     "jerkbench": 1716,
-    "jobs": 1676,
+    "jobs": 1675,
     "kinematic": 1309,
     "plugins": 735,
     "report": 2630,

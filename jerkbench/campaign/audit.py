@@ -43,10 +43,9 @@ TABLE_COLUMNS = {
     "settings": (*METHOD_COLUMNS, "tuning", "tried", "knob", "value"),
 }
 """Columns that each table must have. The last column of each table contains floating point numbers."""
-TABLES = tuple(TABLE_COLUMNS)
 
 _STATED = "protocol.json"
-_FILES = (_STATED, *(f"{name}.parquet" for name in TABLES))
+_FILES = (_STATED, *(f"{name}.parquet" for name in TABLE_COLUMNS))
 _TEXTS = (*METHOD_COLUMNS, "status", "knob")
 _TYPES: Any = {**dict.fromkeys((*METHOD_COLUMNS, "status"), "category"), "tuning": np.int8, "trial": np.int16}
 _ORIGIN = "Run `jerkbench audit` to its end; runs that are stored are not repeated."
@@ -79,7 +78,7 @@ class AuditRows:
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
         """The four tables of the audit by name."""
-        return {name: getattr(self, name) for name in TABLES}
+        return {name: getattr(self, name) for name in TABLE_COLUMNS}
 
     def write(self, folder: Path) -> None:
         """Write each table to a Parquet file in ``folder``."""

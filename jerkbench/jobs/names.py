@@ -20,8 +20,6 @@ from jerkbench.report.labels import labels_of
 Part = Any
 """The name of a plugin or preset, a mapping {"name": ..., parameter: value, ...}, or a plugin."""
 
-Groups = Mapping[str, Part | None]
-
 
 @dataclass(frozen=True)
 class SelectedPlugin:
@@ -40,7 +38,7 @@ class SelectedPlugin:
 
 
 def job_of_parts(
-    single: Groups,
+    single: Mapping[str, Part | None],
     disturbances: Sequence[Part],
     noise: Part | None,
     protocol: Protocol,

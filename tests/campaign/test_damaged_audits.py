@@ -8,11 +8,11 @@ import pandas as pd
 import pytest
 
 from commands import verb
-from jerkbench.campaign.audit import TABLE_COLUMNS, TABLES, write_audit_manifest, write_protocol, write_rows
+from jerkbench.campaign.audit import TABLE_COLUMNS, write_audit_manifest, write_protocol, write_rows
 from made_rows import made_rows
 
 COMMIT = {"git_commit": "abc"}
-TABLE_FILES = [f"{name}.parquet" for name in TABLES]
+TABLE_FILES = [f"{name}.parquet" for name in TABLE_COLUMNS]
 JSON_FILES = ["protocol.json", "manifest.json"]
 
 
