@@ -38,7 +38,7 @@ from jerkbench.report.columns import METHOD, SCENARIO_FACTORS, competes
 from jerkbench.report.comparisons import RULE, VerdictRule
 from jerkbench.report.labels import bare
 from jerkbench.report.page_content import largest_of_steps
-from jerkbench.report.plots import consistency, runs
+from jerkbench.report.plots import runs
 from jerkbench.report.plots.studies import (
     SCENES,
     Drawing,
@@ -48,7 +48,7 @@ from jerkbench.report.plots.studies import (
     of_rows,
     palette_of,
 )
-from jerkbench.report.plots.style import Palette
+from jerkbench.report.plots.style import Palette, image_of, save_figure
 from jerkbench.report.summary import main_metric
 
 if TYPE_CHECKING:
@@ -204,8 +204,6 @@ def _picture(drawing: Drawing, scenario: str, request: Request) -> Picture:
 
     The report contains lossless WebP images, because they have two thirds of the size of PNG images.
     """
-    from jerkbench.report.plots.style import image_of, save_figure
-
     image, out, data = image_of(drawing.figure), request.out, io.BytesIO()
     if out is not None:
         write_atomically(out / f"{drawing.name}.png", image.save)
@@ -242,8 +240,8 @@ def _draw_runs(
         "errors": ("position error, first seed", errors(estimates, panels=1)),
         "trajectory": ("trajectory", trajectory),
         "three-sigma": (f"errors of {best} with three sigmas", errors({best: estimates[best]})),
-        "consistency": (f"NEES and NIS of {best}", consistency.consistency_figure(of_best, best, palette)),
-        "adapted-r": ("measurement noise that was used", consistency.adapted_r_figure(recording, updated, palette)),
+        "consistency": (f"NEES and NIS of {best}", runs.consistency_figure(of_best, best, palette)),
+        "adapted-r": ("measurement noise that was used", runs.adapted_r_figure(recording, updated, palette)),
     }
     if recording.imu is not None and recording.reference.euler_rad is not None:
         inclination = runs.inclination_figure(recording, {row.job.labels.attitude: estimates[best]}, palette)
@@ -371,13 +369,10 @@ def draw_single(job: Job, folder: Path, *, pdf: bool = False) -> list[Path]:
 
     If the filter estimates only the attitude, the inclination error is drawn instead of the trajectory.
     """
-    from jerkbench.report.plots.runs import error_figure, inclination_figure, trajectory_figure
-    from jerkbench.report.plots.style import save_figure
-
     recording, estimate = run_seed(job, job.draws[0])
-    errors = partial(error_figure, burn_in_s=job.protocol.burn_in_s)
-    drawn: dict[str, Callable[..., Figure]] = {"trajectory": trajectory_figure, "errors": errors}
-    drawn = {"inclination": inclination_figure} if estimate.attitude_only else drawn
+    errors = partial(runs.error_figure, burn_in_s=job.protocol.burn_in_s)
+    drawn: dict[str, Callable[..., Figure]] = {"trajectory": runs.trajectory_figure, "errors": errors}
+    drawn = {"inclination": runs.inclination_figure} if estimate.attitude_only else drawn
     paths, titled = [], with_title(recording, job, job.draws[0])
     for kind, draw_kind in drawn.items():
         figure = draw_kind(titled, {f"{job.labels.filter} + {job.labels.adaptation}": estimate})

@@ -135,15 +135,6 @@ def legend_below(figure: Figure) -> None:
             handle.set(markersize=6.0, alpha=1.0)
 
 
-def draw_ticks(axes: Axes, t_s: FloatArray, height: float, colour: str, label: str | None = None) -> None:
-    """Draw a short vertical line (tick) at each time.
-
-    ``height`` is the vertical position of the ticks, as a fraction of the axes.
-    """
-    style = {"color": colour, "markersize": 4.0, "transform": axes.get_xaxis_transform(), "label": label}
-    axes.plot(t_s, np.full(len(t_s), height), "|", **style)  # type: ignore[arg-type]  # as documented
-
-
 def say(axes: Axes, message: str) -> None:
     """Draw the text ``message`` in the centre of axes that have no data."""
     axes.set(xticks=[], yticks=[])
