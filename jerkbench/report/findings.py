@@ -76,7 +76,7 @@ def answer(standings: Sequence[Standing]) -> Answer:
 
 
 def _title_without_leader(tested: Sequence[Standing]) -> str:
-    methods = len(_methods(tested))
+    methods = len(rival_names(tested))
     verdicts, rule = {pair.verdict for standing in tested for pair in standing.tested}, tested[0].tested[0].rule
     if verdicts <= {Verdict.EQUAL, Verdict.SMALL}:
         every = "Both" if methods == 2 else f"All {methods}"
@@ -91,7 +91,7 @@ def _title_of_leaders(tested: Sequence[Standing]) -> str:
     The title names the methods that are the only best method in most scenarios. If no scenario has an only best method,
     the title names the methods that share the lead in most scenarios.
     """
-    names, reference = _methods(tested), reference_method(tested)
+    names, reference = rival_names(tested), reference_method(tested)
     best = [standing.leaders for standing in tested if standing.decided]
     sole, shared = Counter(of[0] for of in best if len(of) == 1), Counter(name for of in best for name in of)
     compared = [against(standing, reference) for standing in tested]
@@ -112,7 +112,8 @@ def _title_of_leaders(tested: Sequence[Standing]) -> str:
     return f"{title}{who} {'up to ' if len(pairs) > 1 else ''}{factor_number(times)} times better than {other}"
 
 
-def _methods(tested: Iterable[Standing]) -> list[str]:
+def rival_names(tested: Iterable[Standing]) -> list[str]:
+    """Return the names of all competing methods, in order of first appearance."""
     return list(dict.fromkeys(standing.name(rival) for standing in tested for rival in standing.rivals))
 
 

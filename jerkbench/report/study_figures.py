@@ -37,7 +37,7 @@ from jerkbench.report import Choice
 from jerkbench.report.columns import METHOD, SCENARIO_FACTORS, competes
 from jerkbench.report.comparisons import RULE, VerdictRule
 from jerkbench.report.labels import bare
-from jerkbench.report.page_content import largest_of_steps
+from jerkbench.report.page import largest_of_steps, page
 from jerkbench.report.plots import runs
 from jerkbench.report.plots.studies import (
     SCENES,
@@ -425,8 +425,6 @@ def write_report(
         method: factors that define a method, or None for the default of `study_verdicts`.
         rule: margin and level of the verdicts.
     """
-    from jerkbench.report.page import page
-
     pictures, stretches = draw_study(study, request, workers)
     manifest = read_manifest(study.folder)
     about = {key: {**study.metadata[key], "labels": labels} for key, labels in study.labels.items()}

@@ -12,8 +12,7 @@ import pytest
 from commands import swept
 from jerkbench.jobs.replay import row_of
 from jerkbench.jobs.store import Store
-from jerkbench.report.page import page
-from jerkbench.report.page_content import settings
+from jerkbench.report.page import page, settings
 from jerkbench.report.plots.studies import Picture
 from jerkbench.report.review import TUNED, review
 
