@@ -57,8 +57,7 @@ class MethodRuns(NamedTuple):
 
     def only(self, places: IntArray) -> "MethodRuns":
         """Return the runs at the indices ``places`` (k,)."""
-        selected_runs = self.seeds[places], self.errors[places], self.failed[places]
-        return MethodRuns(self.combination, *selected_runs, self.phases, self.floor)
+        return self._replace(seeds=self.seeds[places], errors=self.errors[places], failed=self.failed[places])
 
     @property
     def typical(self) -> float:
@@ -196,9 +195,9 @@ class Comparison(NamedTuple):
         failed: number of runs of the subject and of the baseline that diverged or failed.
         runs: number of common seeds.
         phases: whether the runs are phases of one recording instead of seeds.
-        below_floor: whether the difference is too small for the accuracy of the reference trajectory.
         judgement: ratio, interval and verdict, corrected for all comparisons of the study. For phases of one recording,
-            ``low`` and ``high`` are the smallest and the largest ratio, p is NaN, and the verdict is undecided.
+            ``low`` and ``high`` are the smallest and the largest ratio, p is NaN, and the verdict is undecided. The
+            reason is `BELOW_FLOOR` if the difference is too small for the accuracy of the reference trajectory.
         family: number of comparisons that are tested together, for which the test is corrected.
         rule: margin and level of the verdict.
     """
@@ -209,7 +208,6 @@ class Comparison(NamedTuple):
     failed: tuple[int, int]
     runs: int
     phases: bool
-    below_floor: bool
     judgement: Judgement
     family: int
     rule: VerdictRule
@@ -273,12 +271,11 @@ def compare_runs(pairs: Iterable[tuple[MethodRuns, MethodRuns]], rule: VerdictRu
     compared = []
     for (ours, theirs), of in zip(common, ratios, strict=True):
         judgement = _of_phases(of) if ours.phases else next(judgements)
-        below = abs(ours.typical - theirs.typical) < max(ours.floor, theirs.floor)
-        if below:
+        if abs(ours.typical - theirs.typical) < max(ours.floor, theirs.floor):
             judgement = judgement._replace(verdict=Verdict.UNDECIDED, reason=BELOW_FLOOR)
         failed, runs = (int(ours.failed.sum()), int(theirs.failed.sum())), len(ours.seeds)
         names = ours.combination, theirs.combination
-        compared.append(Comparison(*names, of, failed, runs, ours.phases, below, judgement, len(seeded), rule))
+        compared.append(Comparison(*names, of, failed, runs, ours.phases, judgement, len(seeded), rule))
     return compared
 
 
@@ -306,7 +303,7 @@ def family_note(comparisons: Sequence[Comparison]) -> str:
     if rule.level < LEVEL:
         test += f" Seeds were added in blocks: the level of the last interim analysis is {100 * rule.level:.2g} %."
     count = sum(comparison.verdict is Verdict.UNDECIDED for comparison in tested)
-    floored = sum(comparison.below_floor for comparison in tested)
+    floored = sum(comparison.judgement.reason == BELOW_FLOOR for comparison in tested)
     why = f", {floored} of them because the difference is less than the sigma of the reference" if floored else ""
     undecided = f" Undecided: {count} of {len(tested)}{why}." if count else ""
     return f"{marks} {test}{undecided} Runs of each method: {failures_range(one.judgement for one in tested)}."
