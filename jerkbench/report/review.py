@@ -24,7 +24,7 @@ MIN_SETTINGS = 3
 _CREDIBLE = 0.5, 2.0
 """Range in which the ratio of the ANEES to its expected value is accepted as approximately consistent."""
 
-REPLACED = re.compile(r"(\w+)_(?:sigma|variance|covariance)_[a-z0-9]+")
+REPLACED = re.compile(r"(position|velocity|course|wheel)_(?:sigma|variance|covariance)_[a-z0-9]+")
 """Matches the names of parameters of a data set or a filter that replace the accuracy reported by the receiver."""
 
 REPORTED = ("sigma", "variance", "covariance")
@@ -32,9 +32,6 @@ REPORTED = ("sigma", "variance", "covariance")
 
 If such a parameter is set, the reported accuracy is not replaced.
 """
-
-_STREAMS = ("position", "velocity", "course", "wheel")
-"""Measurements that have a separate reported accuracy."""
 
 TUNED = "Tuned by jerkbench tune: "
 """Start of the note that tuned presets add to their runs. The tuning budget follows."""
@@ -94,7 +91,7 @@ def _replaced(part: Mapping[str, Any]) -> list[str]:
     replaced = []
     for key, value in part.items():
         match = REPLACED.fullmatch(key)
-        if match is None or match[1] not in _STREAMS or value in (None, [], ()) or part.get(f"{match[1]}_file") == "":
+        if match is None or value in (None, [], ()) or part.get(f"{match[1]}_file") == "":
             continue
         if not any(part.get(f"{match[1]}_{end}") for end in REPORTED):
             replaced.append(f"{part['name']}.{key}")
