@@ -314,9 +314,8 @@ def _grid(comparison: StudyComparison) -> tuple[str, list[str], list[list[str]],
 
 def _records(comparison: StudyComparison) -> Iterator[dict[str, Any]]:
     for change, failures in zip(comparison.changes, comparison.failures, strict=True):
-        judgement, means = change.judgement, map(_average, change.values)
-        numbers = dict(zip(("a", "b"), means, strict=True))
-        numbers |= {"ratio": judgement.ratio, "low": judgement.low, "high": judgement.high}
+        judgement, (a, b) = change.judgement, map(_average, change.values)
+        numbers = {"a": a, "b": b, "ratio": judgement.ratio, "low": judgement.low, "high": judgement.high}
         yield {
             "metric": comparison.metric,
             "combination": change.first.combination._asdict(),

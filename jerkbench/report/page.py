@@ -157,11 +157,10 @@ def settings(about: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
                 if name != "name" and (kind, value) != ("r_scale", 1.0):
                     text = number(value) if isinstance(value, float) else str(value)
                     seen.setdefault(f"{kind}.{name}", {})[text] = None
-    texts = {
-        method: [f"{name} {' or '.join(list(of)[:MAX_FINDINGS])}" for name, of in seen.items()]
+    return [
+        (method, ", ".join(f"{name} {' or '.join(list(of)[:MAX_FINDINGS])}" for name, of in seen.items()) or "none")
         for method, seen in values.items()
-    }
-    return [(method, ", ".join(parameters) or "none") for method, parameters in texts.items()]
+    ]
 
 
 def matrix(standings: Sequence[Standing]) -> dict[str, Any] | None:

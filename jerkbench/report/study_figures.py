@@ -327,8 +327,7 @@ def _curves(scenario: str, jobs: Sequence[Stored], palette: Palette) -> list[dic
         error_m = position_error_length_m(estimate, seen)
         largest_m = largest_of_steps(seen.reference.t_s[estimate.index], error_m, edges_s)
         name, style = _name(job), palette.style(_method(job))
-        line = {"key": job.key, "name": name, "colour": style.colour, "dash": style.dash, "error": largest_m}
-        lines.append(line)
+        lines.append({"key": job.key, "name": name, "colour": style.colour, "dash": style.dash, "error": largest_m})
     draw = f"{'seed' if row.job.seeded else 'phase'} {row.draw}"
     start, step = round(float(edges_s[0]), 6), round(float(edges_s[1] - edges_s[0]), 6)
     outages = np.round(recordings[0].outages_s, 3).tolist()
