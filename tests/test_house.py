@@ -19,7 +19,7 @@ ROOT = Path(jerkbench.__file__).parents[1]
 MAX_FILE_LINES = 500
 """Lines of a file."""
 
-MAX_MODULES, MAX_FOLDERS = 163, 23
+MAX_MODULES, MAX_FOLDERS = 162, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
     "campaign": 1567,
@@ -35,7 +35,7 @@ MAX_CODE = {
     "jobs": 1712,
     "kinematic": 1309,
     "plugins": 738,
-    "report": 2616,
+    "report": 2615,
     "simulation": 598,
 }
 """Lines of code of each package without docstrings, comments, blank lines, imports and plugins. They may only fall."""
