@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 from jerkbench import plugins
 from jerkbench.evaluation.correlated_errors import MIN_CORRELATION_TIMES
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.evaluation.intervals import OUTLIER_FACTOR, share_interval
-from jerkbench.evaluation.over_seeds import GEOMETRIC, MEAN, MEDIAN
+from jerkbench.evaluation.intervals import GEOMETRIC, MEAN, MEDIAN, OUTLIER_FACTOR, share_interval
 from jerkbench.files import write_atomically, write_text
 from jerkbench.notices import plain
 from jerkbench.parameters import provenance_of

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, IntArray
-from jerkbench.evaluation.over_seeds import (
+from jerkbench.evaluation.intervals import (
     MEAN,
     MEDIAN,
     MIN_SEEDS,

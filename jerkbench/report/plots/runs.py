@@ -17,8 +17,8 @@ from jerkbench.evaluation.counted_rows import (
     rms_norm,
     velocity_error_mps,
 )
+from jerkbench.evaluation.intervals import chi2_band
 from jerkbench.evaluation.metrics.consistency import squared_distances
-from jerkbench.evaluation.over_seeds import chi2_band
 from jerkbench.recording import Recording
 from jerkbench.report.plots.style import (
     BAND_COLOUR,
