@@ -25,7 +25,7 @@ from jerkbench.evaluation.judgement import (
 from jerkbench.evaluation.planning import seeds_needed
 from jerkbench.renamed import new_label
 from jerkbench.report.columns import FACTORS, MAIN, numbers_of_rows, require_factors
-from jerkbench.report.table_model import factor_number, number
+from jerkbench.report.table_model import factor_number, number, range_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -313,9 +313,7 @@ def failures_range(judgements: Iterable[Judgement]) -> str:
     """Return text with the smallest and largest number of failed runs, a bound of the failure rate, and outliers."""
     judgements = list(judgements)
     failed = {(count, one.n) for one in judgements for count in one.failed}
-    counts, sizes = (
-        f"{min(of)}" if min(of) == max(of) else f"{min(of)} to {max(of)}" for of in zip(*failed, strict=True)
-    )
+    counts, sizes = map(range_text, zip(*failed, strict=True))
     bound = up_to(*max(failed, key=lambda of: failure_bound(*of)))
     outlying = max(max(one.outlying) for one in judgements)
     more = f", and up to {outlying} with over {OUTLIER_FACTOR:g} times the error of another" if outlying else ""

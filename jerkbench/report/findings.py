@@ -11,7 +11,7 @@ from jerkbench.report.columns import FACTORS, varying_factors
 from jerkbench.report.comparisons import UNTESTED, Comparison, Standing, failures_range
 from jerkbench.report.labels import TUNED_SUFFIX
 from jerkbench.report.study_verdicts import StudyVerdicts
-from jerkbench.report.table_model import factor_number, number
+from jerkbench.report.table_model import factor_number, first_of, number, range_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -65,8 +65,7 @@ def answer(standings: Sequence[Standing]) -> Answer:
         many = not any(standing.comparisons for standing in standings)
         return Answer("The best method is not tested: there are too many pairs of methods." if many else UNTESTED)
     judgements = [pair.judgement for standing in tested for pair in standing.tested]
-    low, high = (of(judgement.n for judgement in judgements) for of in (min, max))
-    seeds = f"{low}" if low == high else f"{low} to {high}"
+    seeds = range_text([judgement.n for judgement in judgements])
     basis = f"Each comparison uses {seeds} seeds; {failures_range(judgements)}."
     undecided = [", ".join(standing.scenario) for standing in tested if not standing.decided]
     if len(undecided) == len(tested):
@@ -163,7 +162,7 @@ def mean_log_ratio(compared: Iterable[Mapping[str, Comparison]], name: str) -> f
 def _named(names: Sequence[str]) -> str:
     """Return text with the first `_NAMED` names, and the number of names that are left out."""
     if len(names) > _NAMED:
-        return f"{', '.join(names[:_NAMED])} and {len(names) - _NAMED} more"
+        return first_of(names, _NAMED)
     return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
@@ -275,9 +274,8 @@ def _range(comparison: Comparison) -> str:
     low, high = comparison.judgement.low, comparison.judgement.high
     inverse = (comparison.shown or comparison.phases) and 0 < comparison.judgement.ratio < 1
     ends = (1 / high if high else math.inf, 1 / low if low else math.inf) if inverse else (low, high)
-    written = (
-        number if comparison.verdict in {Verdict.EQUAL, Verdict.UNDECIDED} and not comparison.phases else factor_number
-    )
+    differs = comparison.phases or comparison.verdict not in {Verdict.EQUAL, Verdict.UNDECIDED}
+    written = factor_number if differs else number
     if math.isinf(ends[1]):
         return f"from {written(ends[0])} up, because a run failed"
     return f"{written(ends[0])} to {written(ends[1])}"

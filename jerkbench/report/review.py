@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from jerkbench.evaluation.metrics.consistency import EXPECTED_ANEES
 from jerkbench.report.columns import FACTORS, METHOD, SCENARIO_FACTORS, competes, with_metric
 from jerkbench.report.labels import REUSED, TUNED_SUFFIX
-from jerkbench.report.table_model import arranged
+from jerkbench.report.table_model import arranged, range_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -118,9 +118,7 @@ def _budget(cells: ReviewedCells) -> Answered:
         untuned = ", ".join(method for method, of in notes.items() if "" in of and method not in tuned_names)
         return len(budgets) == 1 and not untuned, " ".join(budgets) + f" Not tuned: {untuned}." * bool(untuned)
     passed = len({count for of in counts.values() for count in of}) == 1 and min(counts.values())[0] >= MIN_SETTINGS
-    text = ", ".join(
-        f"{method} {' to '.join(map(str, dict.fromkeys((of[0], of[-1]))))}" for method, of in counts.items()
-    )
+    text = ", ".join(f"{method} {range_text(of)}" for method, of in counts.items())
     return passed, f"Settings of each method: {text}. Required: the same number for all, and at least {MIN_SETTINGS}."
 
 
@@ -158,13 +156,12 @@ def _seeds(rows: "pd.DataFrame", cells: ReviewedCells) -> Answered:
     if len(seeded) == 0:
         return False, f"No seeds:{more}"
     well = (seeded["status"] == "ok").groupby([seeded[key] for key in FACTORS]).sum()
-    counted = f"{well.min()}" if well.min() == well.max() else f"{well.min()} to {well.max()}"
     drawn = seeded.groupby([*FACTORS])["seed"].agg(lambda seeds: str(sorted(seeds)))
     same = drawn.groupby(level=["dataset", "disturbance", "attitude"]).nunique().max() == 1
     other = "" if same else " Combinations of one scenario have different seeds."
     reused = [f" {note}" for cell in cells for note in cell["notes"] if note.startswith(REUSED)][:1]
     passed = bool(well.min() >= _MIN_SEEDS and not more and same and not reused)
-    required = f"{counted} successful seeds for each combination; required: {_MIN_SEEDS}."
+    required = f"{range_text(well)} successful seeds for each combination; required: {_MIN_SEEDS}."
     return passed, "".join([required, other, more, *reused])
 
 

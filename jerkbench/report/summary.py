@@ -27,7 +27,7 @@ from jerkbench.report.columns import (
 )
 from jerkbench.report.comparisons import MAX_PAIRS, family_note, leaders_of
 from jerkbench.report.study_verdicts import StudyVerdicts, is_rival, study_verdicts
-from jerkbench.report.table_model import ABSENT, Grid, Table, TableCell, Values, arranged
+from jerkbench.report.table_model import ABSENT, Grid, Table, TableCell, Values, arranged, first_of, range_text
 from jerkbench.report.writers import latex, markdown, write_tidy_csv
 
 if TYPE_CHECKING:
@@ -74,8 +74,7 @@ def _reading(cells: list[TableCell]) -> Iterator[str]:
     for kind, template in _KINDS.items():
         used = [cell.runs if kind == MEDIAN else cell.used for cell in seeded if cell.kind == kind]
         if used:
-            seeds = f"{max(used)}" if min(used) == max(used) else f"{min(used)} to {max(used)}"
-            yield template.format(seeds=seeds)
+            yield template.format(seeds=range_text(used))
     if any(c.geometric_text for c in cells):
         yield GEOMETRIC_NOTE
     recorded = [c for c in cells if c.recording_interval and c.used]
@@ -229,14 +228,8 @@ def _worse_than_fixes(rows: "pd.DataFrame") -> list[str]:
         worse = methods[methods > WORSE_RATIO * floor].sort_values(ascending=False, kind="stable")
         names = ["+".join(name for name in labels[3:] if name not in ("none", "default")) for labels in worse.index]
         if names:
-            losing.append(f"{', '.join(scenario)}: {_first(names)}")
-    return [f"Worse than {GNSS_ONLY}, which has no IMU: {_first(losing, '; ')}."] if losing else []
-
-
-def _first(texts: Sequence[str], separator: str = ", ") -> str:
-    """Return the first `MAX_NAMED` texts, and the number of the other texts."""
-    more = f" and {len(texts) - MAX_NAMED} more" if len(texts) > MAX_NAMED else ""
-    return separator.join(texts[:MAX_NAMED]) + more
+            losing.append(f"{', '.join(scenario)}: {first_of(names, MAX_NAMED)}")
+    return [f"Worse than {GNSS_ONLY}, which has no IMU: {first_of(losing, MAX_NAMED, '; ')}."] if losing else []
 
 
 # The table of one metric.

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -241,6 +241,26 @@ def factor_number(value: float) -> str:
     if value == 1 or text != number(1.0):
         return text
     return f"{value:.{min(9, math.ceil(-math.log10(abs(value - 1))))}f}"
+
+
+def range_text(values: Collection[float]) -> str:
+    """Return text with the smallest and the largest value, or one number if all values are equal.
+
+    >>> range_text([20, 8, 20]), range_text([8, 8])
+    ('8 to 20', '8')
+    """
+    low, high = min(values), max(values)
+    return f"{low}" if low == high else f"{low} to {high}"
+
+
+def first_of(texts: Sequence[str], maximum: int, separator: str = ", ") -> str:
+    """Return the first ``maximum`` texts, and the number of the other texts.
+
+    >>> first_of(["a", "b", "c"], 2)
+    'a, b and 1 more'
+    """
+    more = f" and {len(texts) - maximum} more" if len(texts) > maximum else ""
+    return separator.join(texts[:maximum]) + more
 
 
 # The grid assigns runs to the cells of a table. All metrics of a study use the same grid.
