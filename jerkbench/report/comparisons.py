@@ -170,10 +170,9 @@ def partners(
     """
     pairs = [(key, key._replace(**baseline)) for key in combinations]
     if not any(partner in combinations for _, partner in pairs):
-        labels = {factor: {getattr(key, factor) for key in combinations} for factor in FACTORS}
-        key, value = next(((k, v) for k, v in baseline.items() if v not in labels[k]), next(iter(baseline.items())))
-        require_known(key, value, labels[key], JerkbenchError)
-        factors = ", ".join(f"{k}={v}" for k, v in baseline.items())
+        for factor, name in baseline.items():
+            require_known(factor, name, {getattr(key, factor) for key in combinations}, JerkbenchError)
+        factors = ", ".join(f"{factor}={name}" for factor, name in baseline.items())
         raise JerkbenchError(f"No combination has {factors} together; `jerkbench table DIR` shows all combinations.")
     return [(key, partner) for key, partner in pairs if partner in combinations and partner != key]
 
