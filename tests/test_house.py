@@ -19,13 +19,13 @@ ROOT = Path(jerkbench.__file__).parents[1]
 MAX_FILE_LINES = 500
 """Lines of a file."""
 
-MAX_MODULES, MAX_FOLDERS = 161, 23
+MAX_MODULES, MAX_FOLDERS = 160, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
     "campaign": 1567,
     "cli": 846,
     "compilation": 427,
-    "evaluation": 965,
+    "evaluation": 962,
     "hydra_app": 720,
     "hydra_plugins": 15,
     "inertial": 1038,
@@ -35,7 +35,7 @@ MAX_CODE = {
     "jobs": 1712,
     "kinematic": 1309,
     "plugins": 738,
-    "report": 2615,
+    "report": 2605,
     "simulation": 598,
 }
 """Lines of code of each package without docstrings, comments, blank lines, imports and plugins. They may only fall."""

@@ -135,6 +135,9 @@ def _trouble(cells: list[TableCell], rows: "pd.DataFrame") -> Iterator[str]:
 
 # Notes of a study: notes about recordings, code versions, and results that are left out.
 
+TUNED = "Tuned by jerkbench tune: "
+"""Start of the note that tuned presets add to their runs. The tuning budget follows."""
+
 WORSE_RATIO = 1.1
 """A method is reported if its median error is more than this factor times the error of the fixes alone."""
 
