@@ -328,9 +328,8 @@ class Grid:
         else:
             averages = no_centres(len(self.runs), MEAN)
             averages.value, averages.low, averages.high = mean_intervals(good)
-        with_interval = (
-            self.phases & (good.sizes > 0) & all(name in self.rows for name in RECORDING_INTERVAL.get(metric, ("",)))
-        )
+        recorded = all(name in self.rows for name in RECORDING_INTERVAL.get(metric, ("",)))
+        with_interval = self.phases & (good.sizes > 0) & recorded
         averages.low[self.phases] = averages.high[self.phases] = np.nan
         for where, of_phases in good.only(self.phases[good.owner]).without_nan().by_size():
             if of_phases.shape[1] > 1:  # a single phase has no range
@@ -342,11 +341,9 @@ class Grid:
                 for where, of_phases in logs.only(with_interval[logs.owner]).by_size():
                     if of_phases.shape[1]:
                         ends[where] = np.exp(of_phases.mean(axis=1))
-        counts = (self.sizes, self.diverged, self.failed, missing, self.phases, with_interval)
+        columns = (averages, self.sizes, self.diverged, self.failed, missing, self.phases, with_interval)
         cells = {}
-        for position, centre, *numbers in zip(
-            self.runs, averages.tolist(), *(of.tolist() for of in counts), strict=True
-        ):
+        for position, centre, *numbers in zip(self.runs, *(column.tolist() for column in columns), strict=True):
             kind, mean, low, high, lower, upper, geometric, locked = centre
             runs, diverged, failed, absent, phase, owned = numbers
             counted, quartiles = (runs, diverged, failed, absent, "phase" if phase else "seed"), (lower, upper)
