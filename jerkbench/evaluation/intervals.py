@@ -136,13 +136,13 @@ NEARLY = 0.93
 """Minimum coverage of a 95 % interval of the median. The range of 5 values covers 93.75 %, so it is accepted."""
 
 
-def quantiles_of_rows(values: FloatArray, confidence: float = 0.95) -> tuple[FloatArray, ...]:
-    """Return the median, the ends of its interval, and the quartiles, each (k,), of (k, n) values without NaN."""
+def quantiles_of_rows(values: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the median, the ends of its 95 % interval, and the quartiles, each (k,), of (k, n) values without NaN."""
     if values.shape[1] == 0:
         return (np.full(len(values), np.nan),) * 5
     ordered = np.sort(values, axis=1)
     lower, middle, upper = (quantiles(ordered, fraction) for fraction in (0.25, 0.5, 0.75))
-    return middle, *median_intervals(ordered, confidence), lower, upper
+    return middle, *median_intervals(ordered, 0.95), lower, upper
 
 
 def median_intervals(ordered: FloatArray, confidence: float, *, exact: bool = False) -> tuple[FloatArray, FloatArray]:

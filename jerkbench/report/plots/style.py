@@ -263,8 +263,8 @@ def _index(labels: tuple[str, ...], label: str) -> int:
     return labels.index(label) if label in labels else len(labels)
 
 
-def with_gaps(t_s: FloatArray, values: FloatArray, longest: float = 3.0) -> tuple[FloatArray, FloatArray]:
-    """Return times and values with NaN inserted where a gap is longer than ``longest`` times the median time step."""
+def with_gaps(t_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return times and values with NaN inserted where a gap is longer than three times the median time step."""
     steps = np.diff(t_s)
-    places = np.flatnonzero(steps > longest * np.median(steps)) + 1 if len(steps) else np.empty(0, dtype=int)
+    places = np.flatnonzero(steps > 3.0 * np.median(steps)) + 1 if len(steps) else np.empty(0, dtype=int)
     return np.insert(t_s, places, t_s[places - 1]), np.insert(values, places, np.nan)
