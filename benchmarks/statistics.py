@@ -21,7 +21,11 @@ import numpy as np
 
 from jerkbench.evaluation.intervals import (
     ENOUGH,
+    GEOMETRIC,
+    MEDIAN,
     SHRUNK,
+    Samples,
+    centres,
     hall_intervals,
     quantiles_of_rows,
     share_interval,
@@ -38,7 +42,6 @@ from jerkbench.evaluation.judgement import (
     judged,
     log_ratios,
 )
-from jerkbench.evaluation.over_seeds import GEOMETRIC, MEDIAN, Samples, centres
 from jerkbench.evaluation.planning import interim_levels, interim_sizes, seeds_needed
 from jerkbench.evaluation.ranks import over_scenarios
 

@@ -19,13 +19,13 @@ ROOT = Path(jerkbench.__file__).parents[1]
 MAX_FILE_LINES = 500
 """Lines of a file."""
 
-MAX_MODULES, MAX_FOLDERS = 161, 23
+MAX_MODULES, MAX_FOLDERS = 156, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
     "campaign": 1552,
     "cli": 815,
     "compilation": 427,
-    "evaluation": 965,
+    "evaluation": 962,
     "hydra_app": 717,
     "hydra_plugins": 15,
     "inertial": 1038,
@@ -35,11 +35,11 @@ MAX_CODE = {
     "jobs": 1675,
     "kinematic": 1309,
     "plugins": 735,
-    "report": 2630,
+    "report": 2602,
     "simulation": 598,
 }
 """Lines of code of each package without docstrings, comments, blank lines, imports and plugins. They may only fall."""
-MAX_LONE = 13
+MAX_LONE = 12
 """Modules that one other module imports; the aim is none."""
 
 DOUBLES = {"anywhere", "each_run", "select"}

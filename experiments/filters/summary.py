@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from jerkbench.evaluation.intervals import student_intervals
-from jerkbench.evaluation.over_seeds import Samples, mean_intervals
+from jerkbench.evaluation.intervals import Samples, mean_intervals, student_intervals
 
 METRIC = "position_rmse_m"
 SCENARIO = ["dataset", "disturbance"]

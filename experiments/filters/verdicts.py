@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from jerkbench.evaluation.intervals import Centre, Samples, centres
 from jerkbench.evaluation.judgement import Verdict
-from jerkbench.evaluation.over_seeds import Centre, Samples, centres
 from jerkbench.jobs.study import load_study
 from jerkbench.report.study_verdicts import study_verdicts
 from jerkbench.report.table_model import number

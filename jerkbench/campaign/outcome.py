@@ -18,7 +18,7 @@ from jerkbench.campaign.space import Space
 from jerkbench.contracts import is_attitude_only
 from jerkbench.evaluation.judgement import DEFEATS, MARGIN, Judgement, Verdict, judged, log_ratios
 from jerkbench.files import filled_template, write_text
-from jerkbench.report.review import TUNED
+from jerkbench.report.summary import TUNED
 from jerkbench.report.writers import passive
 
 TEMPLATES = Path(__file__).parent / "templates"

@@ -118,7 +118,7 @@ class Statements(NamedTuple):
     best_plain: tuple[Statement, ...]
 
 
-def log_losses(error_m: FloatArray, failed: BoolArray, level_m: FloatArray, factor: float = 100.0) -> FloatArray:
+def log_losses(error_m: FloatArray, failed: BoolArray, level_m: FloatArray, factor: float) -> FloatArray:
     """Return log errors. A failed run counts as ``factor`` times ``level_m``, the error of the untuned plain filter."""
     return np.asarray(np.log(np.where(failed, factor * level_m, error_m)))
 

@@ -13,13 +13,14 @@ import numpy.typing as npt
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.evaluation.intervals import (
     EQUAL_WITHIN,
+    MIN_SEEDS,
     OUTLIER_FACTOR,
+    Samples,
     failure_bound,
     failures_text,
     median_intervals,
     quantiles,
 )
-from jerkbench.evaluation.over_seeds import MIN_SEEDS, Samples
 
 MARGIN = 0.03
 """Default margin of equality: ratios from 1/1.03 to 1.03 count as equal."""

@@ -95,17 +95,14 @@ def over_scenarios(d: FloatArray, confidence: float = 0.95) -> OverScenarios:
     worst, mu = int(np.argmax(means)), float(means.mean())
     scenario, seed = n * float(np.sum((means - total) ** 2)), s * float(np.sum((d.mean(axis=0) - total) ** 2))
     rest, freedom = max(0.0, float(np.sum((d - total) ** 2)) - scenario - seed), (s - 1.0) * (n - 1.0)
-    sums = {"scenario": (scenario, s - 1.0), "seed": (seed, n - 1.0)}
-    for name in sorted(sums, key=lambda name: sums[name][0] / max(1.0, sums[name][1])):
-        square, freedom_of_factor = sums[name]
+    factors = [(scenario, s - 1.0), (seed, n - 1.0)]  # sum of squares and degrees of freedom
+    for factor in sorted(factors, key=lambda factor: factor[0] / max(1.0, factor[1])):
+        square, freedom_of_factor = factor
         if freedom > 0 and square * freedom <= rest * freedom_of_factor:  # the variance of this factor is not positive
             rest, freedom = rest + square, freedom + freedom_of_factor
-            del sums[name]
+            factors.remove(factor)
     each = rest / max(1.0, freedom)
-    squares = {name: square / max(1.0, freedom_of_factor) for name, (square, freedom_of_factor) in sums.items()}
-    retained = [
-        (squares[name], freedom_of_factor) for name, (_, freedom_of_factor) in sums.items() if freedom_of_factor > 0
-    ]
+    retained = [(square / of_factor, of_factor) for square, of_factor in factors if of_factor > 0]
     # A pooled mean square equals MSE, so it cancels in MSS + MSI - MSE.
     terms = [*retained, (-each, freedom)] if len(retained) == 2 else retained or [(each, freedom)]
     variance = sum(square for square, _ in terms)

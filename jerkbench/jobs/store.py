@@ -38,7 +38,6 @@ from jerkbench.jobs.rows import Row
 from jerkbench.notices import notify, plain
 from jerkbench.renamed import new_label
 from jerkbench.report.labels import Labels
-from jerkbench.report.study_notes import damaged_files
 
 PART_NAME = re.compile(r"part-[A-Za-z0-9_]+-[0-9a-f]{32}-([0-9a-f]{32})")
 """Name of a file: the host, a unique number, and the hash of the content, with which damage is detected."""
@@ -330,6 +329,8 @@ class Store:
             with suppress(FileNotFoundError):  # another process has just renamed the file
                 path.rename(path.with_name(f"{path.name}.damaged"))
         if damaged:
+            from jerkbench.report.summary import damaged_files
+
             names = ", ".join(map(plain, damaged))
             notify(f"{damaged_files(damaged)} renamed to *.damaged: {names}. The missing runs are computed again.")
         return damaged

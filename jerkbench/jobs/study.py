@@ -31,7 +31,7 @@ from jerkbench.recording import Recording
 from jerkbench.renamed import new_label
 from jerkbench.report.comparisons import SPENDS
 from jerkbench.report.labels import Labels, bare, conditions, with_distinct_labels, with_one_name
-from jerkbench.report.study_notes import code_of, notes_of_part, notes_of_study
+from jerkbench.report.summary import code_of, main_metric, notes_of_part, notes_of_study, summarise, write_tables
 from jerkbench.report.writers import write_rows_csv
 
 if TYPE_CHECKING:
@@ -88,8 +88,6 @@ class Study:
 
     def _repr_html_(self) -> str:
         """Return the main table of the study as HTML for notebooks."""
-        from jerkbench.report.summary import main_metric, summarise
-
         return str(summarise(self.rows, main_metric(self.rows), notes=self.notes)._repr_html_())
 
     @property
@@ -187,8 +185,6 @@ def concluded(
 
 def write_study(study: Study) -> "Table":
     """Write rows.csv and the tables of a study, and return the first table."""
-    from jerkbench.report.summary import write_tables
-
     write_atomically(study.folder / "rows.csv", lambda path: write_rows_csv(study.rows, path))
     return write_tables(study.rows, study.folder, study.notes)
 

@@ -6,7 +6,7 @@ Matplotlib.
 
 from enum import StrEnum
 
-from jerkbench.errors import PluginError, unknown
+from jerkbench.errors import require_known
 
 
 class Choice(StrEnum):
@@ -36,8 +36,6 @@ def figures_choice(text: str) -> Choice:
         PluginError: the text is not a valid value of the option.
     """
     name = text.strip().lower()
-    if name in SWITCHES:
-        return SWITCHES[name]
-    if name not in list(Choice):
-        raise PluginError(unknown("choice of figures", text, list(Choice)))
-    return Choice(name)
+    choice = SWITCHES.get(name, name)
+    require_known("choice of figures", choice, list(Choice))
+    return Choice(choice)

@@ -23,7 +23,7 @@ from jerkbench.report.comparisons import (
     runs_by_combination,
 )
 from jerkbench.report.labels import DECIDING_SCORES, LABELLED_PARTS, Conditions, conditions, differing_conditions
-from jerkbench.report.table_model import factor_number, number
+from jerkbench.report.table_model import factor_number, first_of, number
 from jerkbench.report.terminal import print_grid
 from jerkbench.report.writers import markdown_grid
 
@@ -135,9 +135,8 @@ class Change(NamedTuple):
         return found
 
     def _seeds(self, where: BoolArray) -> str:
-        seeds, shown = self.first.seeds[where].tolist(), 5
-        more = f" and {len(seeds) - shown} more" if len(seeds) > shown else ""
-        return f"(seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds[:shown]))}{more})"
+        seeds = [str(seed) for seed in self.first.seeds[where]]
+        return f"(seed{'s' * (len(seeds) > 1)} {first_of(seeds, 5)})"
 
     @property
     def unjudged(self) -> str:
@@ -314,9 +313,8 @@ def _grid(comparison: StudyComparison) -> tuple[str, list[str], list[list[str]],
 
 def _records(comparison: StudyComparison) -> Iterator[dict[str, Any]]:
     for change, failures in zip(comparison.changes, comparison.failures, strict=True):
-        judgement, means = change.judgement, map(_average, change.values)
-        numbers = dict(zip(("a", "b"), means, strict=True))
-        numbers |= {"ratio": judgement.ratio, "low": judgement.low, "high": judgement.high}
+        judgement, (a, b) = change.judgement, map(_average, change.values)
+        numbers = {"a": a, "b": b, "ratio": judgement.ratio, "low": judgement.low, "high": judgement.high}
         yield {
             "metric": comparison.metric,
             "combination": change.first.combination._asdict(),

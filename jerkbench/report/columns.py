@@ -164,11 +164,7 @@ def competes(values: Mapping[str, str]) -> bool:
     >>> competes({"filter": "jerk", "adaptation": "oracle"})
     False
     """
-    return not any(_name(values.get(factor, "")) == name for factor, name in REFERENCE_METHODS.items())
-
-
-def _name(label: str) -> str:
-    return label.partition("(")[0]
+    return not any(values.get(factor, "").partition("(")[0] == name for factor, name in REFERENCE_METHODS.items())
 
 
 # Result rows of runs: the columns with metrics, and checks before a table is created.

@@ -25,7 +25,7 @@ from jerkbench.evaluation.judgement import (
 from jerkbench.evaluation.planning import seeds_needed
 from jerkbench.renamed import new_label
 from jerkbench.report.columns import FACTORS, MAIN, numbers_of_rows, require_factors
-from jerkbench.report.table_model import factor_number, number
+from jerkbench.report.table_model import factor_number, number, range_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,8 +57,7 @@ class MethodRuns(NamedTuple):
 
     def only(self, places: IntArray) -> "MethodRuns":
         """Return the runs at the indices ``places`` (k,)."""
-        selected_runs = self.seeds[places], self.errors[places], self.failed[places]
-        return MethodRuns(self.combination, *selected_runs, self.phases, self.floor)
+        return self._replace(seeds=self.seeds[places], errors=self.errors[places], failed=self.failed[places])
 
     @property
     def typical(self) -> float:
@@ -171,10 +170,9 @@ def partners(
     """
     pairs = [(key, key._replace(**baseline)) for key in combinations]
     if not any(partner in combinations for _, partner in pairs):
-        labels = {factor: {getattr(key, factor) for key in combinations} for factor in FACTORS}
-        key, value = next(((k, v) for k, v in baseline.items() if v not in labels[k]), next(iter(baseline.items())))
-        require_known(key, value, labels[key], JerkbenchError)
-        factors = ", ".join(f"{k}={v}" for k, v in baseline.items())
+        for factor, name in baseline.items():
+            require_known(factor, name, {getattr(key, factor) for key in combinations}, JerkbenchError)
+        factors = ", ".join(f"{factor}={name}" for factor, name in baseline.items())
         raise JerkbenchError(f"No combination has {factors} together; `jerkbench table DIR` shows all combinations.")
     return [(key, partner) for key, partner in pairs if partner in combinations and partner != key]
 
@@ -196,9 +194,9 @@ class Comparison(NamedTuple):
         failed: number of runs of the subject and of the baseline that diverged or failed.
         runs: number of common seeds.
         phases: whether the runs are phases of one recording instead of seeds.
-        below_floor: whether the difference is too small for the accuracy of the reference trajectory.
         judgement: ratio, interval and verdict, corrected for all comparisons of the study. For phases of one recording,
-            ``low`` and ``high`` are the smallest and the largest ratio, p is NaN, and the verdict is undecided.
+            ``low`` and ``high`` are the smallest and the largest ratio, p is NaN, and the verdict is undecided. The
+            reason is `BELOW_FLOOR` if the difference is too small for the accuracy of the reference trajectory.
         family: number of comparisons that are tested together, for which the test is corrected.
         rule: margin and level of the verdict.
     """
@@ -209,7 +207,6 @@ class Comparison(NamedTuple):
     failed: tuple[int, int]
     runs: int
     phases: bool
-    below_floor: bool
     judgement: Judgement
     family: int
     rule: VerdictRule
@@ -273,12 +270,11 @@ def compare_runs(pairs: Iterable[tuple[MethodRuns, MethodRuns]], rule: VerdictRu
     compared = []
     for (ours, theirs), of in zip(common, ratios, strict=True):
         judgement = _of_phases(of) if ours.phases else next(judgements)
-        below = abs(ours.typical - theirs.typical) < max(ours.floor, theirs.floor)
-        if below:
+        if abs(ours.typical - theirs.typical) < max(ours.floor, theirs.floor):
             judgement = judgement._replace(verdict=Verdict.UNDECIDED, reason=BELOW_FLOOR)
         failed, runs = (int(ours.failed.sum()), int(theirs.failed.sum())), len(ours.seeds)
         names = ours.combination, theirs.combination
-        compared.append(Comparison(*names, of, failed, runs, ours.phases, below, judgement, len(seeded), rule))
+        compared.append(Comparison(*names, of, failed, runs, ours.phases, judgement, len(seeded), rule))
     return compared
 
 
@@ -306,7 +302,7 @@ def family_note(comparisons: Sequence[Comparison]) -> str:
     if rule.level < LEVEL:
         test += f" Seeds were added in blocks: the level of the last interim analysis is {100 * rule.level:.2g} %."
     count = sum(comparison.verdict is Verdict.UNDECIDED for comparison in tested)
-    floored = sum(comparison.below_floor for comparison in tested)
+    floored = sum(comparison.judgement.reason == BELOW_FLOOR for comparison in tested)
     why = f", {floored} of them because the difference is less than the sigma of the reference" if floored else ""
     undecided = f" Undecided: {count} of {len(tested)}{why}." if count else ""
     return f"{marks} {test}{undecided} Runs of each method: {failures_range(one.judgement for one in tested)}."
@@ -316,9 +312,7 @@ def failures_range(judgements: Iterable[Judgement]) -> str:
     """Return text with the smallest and largest number of failed runs, a bound of the failure rate, and outliers."""
     judgements = list(judgements)
     failed = {(count, one.n) for one in judgements for count in one.failed}
-    counts, sizes = (
-        f"{min(of)}" if min(of) == max(of) else f"{min(of)} to {max(of)}" for of in zip(*failed, strict=True)
-    )
+    counts, sizes = map(range_text, zip(*failed, strict=True))
     bound = up_to(*max(failed, key=lambda of: failure_bound(*of)))
     outlying = max(max(one.outlying) for one in judgements)
     more = f", and up to {outlying} with over {OUTLIER_FACTOR:g} times the error of another" if outlying else ""

@@ -11,7 +11,7 @@ from jerkbench.report.columns import FACTORS, varying_factors
 from jerkbench.report.comparisons import UNTESTED, Comparison, Standing, failures_range
 from jerkbench.report.labels import TUNED_SUFFIX
 from jerkbench.report.study_verdicts import StudyVerdicts
-from jerkbench.report.table_model import factor_number, number
+from jerkbench.report.table_model import factor_number, first_of, number, range_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -65,8 +65,7 @@ def answer(standings: Sequence[Standing]) -> Answer:
         many = not any(standing.comparisons for standing in standings)
         return Answer("The best method is not tested: there are too many pairs of methods." if many else UNTESTED)
     judgements = [pair.judgement for standing in tested for pair in standing.tested]
-    low, high = (of(judgement.n for judgement in judgements) for of in (min, max))
-    seeds = f"{low}" if low == high else f"{low} to {high}"
+    seeds = range_text([judgement.n for judgement in judgements])
     basis = f"Each comparison uses {seeds} seeds; {failures_range(judgements)}."
     undecided = [", ".join(standing.scenario) for standing in tested if not standing.decided]
     if len(undecided) == len(tested):
@@ -76,7 +75,7 @@ def answer(standings: Sequence[Standing]) -> Answer:
 
 
 def _title_without_leader(tested: Sequence[Standing]) -> str:
-    methods = len(_methods(tested))
+    methods = len(rival_names(tested))
     verdicts, rule = {pair.verdict for standing in tested for pair in standing.tested}, tested[0].tested[0].rule
     if verdicts <= {Verdict.EQUAL, Verdict.SMALL}:
         every = "Both" if methods == 2 else f"All {methods}"
@@ -91,7 +90,7 @@ def _title_of_leaders(tested: Sequence[Standing]) -> str:
     The title names the methods that are the only best method in most scenarios. If no scenario has an only best method,
     the title names the methods that share the lead in most scenarios.
     """
-    names, reference = _methods(tested), reference_method(tested)
+    names, reference = rival_names(tested), reference_method(tested)
     best = [standing.leaders for standing in tested if standing.decided]
     sole, shared = Counter(of[0] for of in best if len(of) == 1), Counter(name for of in best for name in of)
     compared = [against(standing, reference) for standing in tested]
@@ -112,7 +111,8 @@ def _title_of_leaders(tested: Sequence[Standing]) -> str:
     return f"{title}{who} {'up to ' if len(pairs) > 1 else ''}{factor_number(times)} times better than {other}"
 
 
-def _methods(tested: Iterable[Standing]) -> list[str]:
+def rival_names(tested: Iterable[Standing]) -> list[str]:
+    """Return the names of all competing methods, in order of first appearance."""
     return list(dict.fromkeys(standing.name(rival) for standing in tested for rival in standing.rivals))
 
 
@@ -162,7 +162,7 @@ def mean_log_ratio(compared: Iterable[Mapping[str, Comparison]], name: str) -> f
 def _named(names: Sequence[str]) -> str:
     """Return text with the first `_NAMED` names, and the number of names that are left out."""
     if len(names) > _NAMED:
-        return f"{', '.join(names[:_NAMED])} and {len(names) - _NAMED} more"
+        return first_of(names, _NAMED)
     return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
@@ -274,9 +274,8 @@ def _range(comparison: Comparison) -> str:
     low, high = comparison.judgement.low, comparison.judgement.high
     inverse = (comparison.shown or comparison.phases) and 0 < comparison.judgement.ratio < 1
     ends = (1 / high if high else math.inf, 1 / low if low else math.inf) if inverse else (low, high)
-    written = (
-        number if comparison.verdict in {Verdict.EQUAL, Verdict.UNDECIDED} and not comparison.phases else factor_number
-    )
+    differs = comparison.phases or comparison.verdict not in {Verdict.EQUAL, Verdict.UNDECIDED}
+    written = factor_number if differs else number
     if math.isinf(ends[1]):
         return f"from {written(ends[0])} up, because a run failed"
     return f"{written(ends[0])} to {written(ends[1])}"

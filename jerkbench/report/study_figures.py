@@ -36,8 +36,8 @@ from jerkbench.report import Choice
 from jerkbench.report.columns import METHOD, SCENARIO_FACTORS, competes
 from jerkbench.report.comparisons import RULE, VerdictRule
 from jerkbench.report.labels import bare
-from jerkbench.report.page_content import largest_of_steps
-from jerkbench.report.plots import consistency, runs
+from jerkbench.report.page import largest_of_steps, page
+from jerkbench.report.plots import runs
 from jerkbench.report.plots.studies import (
     SCENES,
     Drawing,
@@ -47,7 +47,7 @@ from jerkbench.report.plots.studies import (
     of_rows,
     palette_of,
 )
-from jerkbench.report.plots.style import Palette
+from jerkbench.report.plots.style import Palette, image_of, save_figure
 from jerkbench.report.summary import main_metric
 
 if TYPE_CHECKING:
@@ -203,8 +203,6 @@ def _picture(drawing: Drawing, scenario: str, request: Request) -> Picture:
 
     The report contains lossless WebP images, because they have two thirds of the size of PNG images.
     """
-    from jerkbench.report.plots.style import image_of, save_figure
-
     image, out, data = image_of(drawing.figure), request.out, io.BytesIO()
     if out is not None:
         write_atomically(out / f"{drawing.name}.png", image.save)
@@ -241,8 +239,8 @@ def _draw_runs(
         "errors": ("position error, first seed", errors(estimates, panels=1)),
         "trajectory": ("trajectory", trajectory),
         "three-sigma": (f"errors of {best} with three sigmas", errors({best: estimates[best]})),
-        "consistency": (f"NEES and NIS of {best}", consistency.consistency_figure(of_best, best, palette)),
-        "adapted-r": ("measurement noise that was used", consistency.adapted_r_figure(recording, updated, palette)),
+        "consistency": (f"NEES and NIS of {best}", runs.consistency_figure(of_best, best, palette)),
+        "adapted-r": ("measurement noise that was used", runs.adapted_r_figure(recording, updated, palette)),
     }
     if recording.imu is not None and recording.reference.euler_rad is not None:
         inclination = runs.inclination_figure(recording, {row.job.labels.attitude: estimates[best]}, palette)
@@ -328,8 +326,7 @@ def _curves(scenario: str, jobs: Sequence[Stored], palette: Palette) -> list[dic
         error_m = position_error_length_m(estimate, seen)
         largest_m = largest_of_steps(seen.reference.t_s[estimate.index], error_m, edges_s)
         name, style = _name(job), palette.style(_method(job))
-        line = {"key": job.key, "name": name, "colour": style.colour, "dash": style.dash, "error": largest_m}
-        lines.append(line)
+        lines.append({"key": job.key, "name": name, "colour": style.colour, "dash": style.dash, "error": largest_m})
     draw = f"{'seed' if row.job.seeded else 'phase'} {row.draw}"
     start, step = round(float(edges_s[0]), 6), round(float(edges_s[1] - edges_s[0]), 6)
     outages = np.round(recordings[0].outages_s, 3).tolist()
@@ -370,13 +367,10 @@ def draw_single(job: Job, folder: Path, *, pdf: bool = False) -> list[Path]:
 
     If the filter estimates only the attitude, the inclination error is drawn instead of the trajectory.
     """
-    from jerkbench.report.plots.runs import error_figure, inclination_figure, trajectory_figure
-    from jerkbench.report.plots.style import save_figure
-
     recording, estimate = run_seed(job, job.draws[0])
-    errors = partial(error_figure, burn_in_s=job.protocol.burn_in_s)
-    drawn: dict[str, Callable[..., Figure]] = {"trajectory": trajectory_figure, "errors": errors}
-    drawn = {"inclination": inclination_figure} if estimate.attitude_only else drawn
+    errors = partial(runs.error_figure, burn_in_s=job.protocol.burn_in_s)
+    drawn: dict[str, Callable[..., Figure]] = {"trajectory": runs.trajectory_figure, "errors": errors}
+    drawn = {"inclination": runs.inclination_figure} if estimate.attitude_only else drawn
     paths, titled = [], with_title(recording, job, job.draws[0])
     for kind, draw_kind in drawn.items():
         figure = draw_kind(titled, {f"{job.labels.filter} + {job.labels.adaptation}": estimate})
@@ -429,8 +423,6 @@ def write_report(
         method: factors that define a method, or None for the default of `study_verdicts`.
         rule: margin and level of the verdicts.
     """
-    from jerkbench.report.page import page
-
     pictures, stretches = draw_study(study, request, workers)
     manifest = read_manifest(study.folder)
     about = {key: {**study.metadata[key], "labels": labels} for key, labels in study.labels.items()}

@@ -2,14 +2,14 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, IntArray
-from jerkbench.evaluation.over_seeds import (
+from jerkbench.evaluation.intervals import (
     MEAN,
     MEDIAN,
     MIN_SEEDS,
@@ -243,6 +243,26 @@ def factor_number(value: float) -> str:
     return f"{value:.{min(9, math.ceil(-math.log10(abs(value - 1))))}f}"
 
 
+def range_text(values: Collection[float]) -> str:
+    """Return text with the smallest and the largest value, or one number if all values are equal.
+
+    >>> range_text([20, 8, 20]), range_text([8, 8])
+    ('8 to 20', '8')
+    """
+    low, high = min(values), max(values)
+    return f"{low}" if low == high else f"{low} to {high}"
+
+
+def first_of(texts: Sequence[str], maximum: int, separator: str = ", ") -> str:
+    """Return the first ``maximum`` texts, and the number of the other texts.
+
+    >>> first_of(["a", "b", "c"], 2)
+    'a, b and 1 more'
+    """
+    more = f" and {len(texts) - maximum} more" if len(texts) > maximum else ""
+    return separator.join(texts[:maximum]) + more
+
+
 # The grid assigns runs to the cells of a table. All metrics of a study use the same grid.
 
 
@@ -308,9 +328,8 @@ class Grid:
         else:
             averages = no_centres(len(self.runs), MEAN)
             averages.value, averages.low, averages.high = mean_intervals(good)
-        with_interval = (
-            self.phases & (good.sizes > 0) & all(name in self.rows for name in RECORDING_INTERVAL.get(metric, ("",)))
-        )
+        recorded = all(name in self.rows for name in RECORDING_INTERVAL.get(metric, ("",)))
+        with_interval = self.phases & (good.sizes > 0) & recorded
         averages.low[self.phases] = averages.high[self.phases] = np.nan
         for where, of_phases in good.only(self.phases[good.owner]).without_nan().by_size():
             if of_phases.shape[1] > 1:  # a single phase has no range
@@ -322,11 +341,9 @@ class Grid:
                 for where, of_phases in logs.only(with_interval[logs.owner]).by_size():
                     if of_phases.shape[1]:
                         ends[where] = np.exp(of_phases.mean(axis=1))
-        counts = (self.sizes, self.diverged, self.failed, missing, self.phases, with_interval)
+        columns = (averages, self.sizes, self.diverged, self.failed, missing, self.phases, with_interval)
         cells = {}
-        for position, centre, *numbers in zip(
-            self.runs, averages.tolist(), *(of.tolist() for of in counts), strict=True
-        ):
+        for position, centre, *numbers in zip(self.runs, *(column.tolist() for column in columns), strict=True):
             kind, mean, low, high, lower, upper, geometric, locked = centre
             runs, diverged, failed, absent, phase, owned = numbers
             counted, quartiles = (runs, diverged, failed, absent, "phase" if phase else "seed"), (lower, upper)

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from jerkbench.evaluation.over_seeds import Samples, mean_intervals
+from jerkbench.evaluation.intervals import Samples, mean_intervals
 
 
 class Interval(NamedTuple):

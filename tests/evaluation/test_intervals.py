@@ -7,7 +7,11 @@ import pytest
 from scipy.stats import beta, binomtest, gmean, norm, ttest_1samp
 
 from jerkbench.evaluation.intervals import (
+    GEOMETRIC,
+    MEDIAN,
     SHRUNK,
+    Samples,
+    centres,
     failure_bound,
     failures_text,
     few_intervals,
@@ -18,7 +22,6 @@ from jerkbench.evaluation.intervals import (
     student_intervals,
 )
 from jerkbench.evaluation.judgement import median_p, sign_p
-from jerkbench.evaluation.over_seeds import GEOMETRIC, MEDIAN, Samples, centres
 from roots import hall_ends, mean_ends
 
 

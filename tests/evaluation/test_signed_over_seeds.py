@@ -8,15 +8,14 @@ from scipy.stats import bootstrap, norm, ttest_1samp
 from scipy.stats import t as student
 from signed_intervals import Interval, mean_interval
 
-from jerkbench.evaluation import over_seeds
-from jerkbench.evaluation.intervals import bca_ends
-from jerkbench.evaluation.over_seeds import Samples, mean_intervals
+from jerkbench.evaluation import intervals
+from jerkbench.evaluation.intervals import Samples, bca_ends, mean_intervals
 
 
 @pytest.mark.parametrize("confidence", [0.8, 0.95])
 def test_it_is_the_bca_interval(confidence, monkeypatch):
     """The upper end's standard deviation from draw to draw is 0.5 % of the width with so many resamples (measured)."""
-    monkeypatch.setattr(over_seeds, "_RESAMPLES", 200_000)
+    monkeypatch.setattr(intervals, "_RESAMPLES", 200_000)
     values = np.random.default_rng(4).lognormal(sigma=1.0, size=20)  # skewed: percentile and BCa differ
     z = student.ppf((1 + confidence) / 2, 19) * math.sqrt(20 / 19)
     widened, rng = 2 * norm.cdf(z) - 1, np.random.default_rng(5)

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from jerkbench.evaluation.correlated_errors import whiteness_of_rows
-from jerkbench.evaluation.over_seeds import chi2_band
+from jerkbench.evaluation.intervals import chi2_band
 
 
 def whiteness(innovation):

@@ -12,7 +12,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.over_seeds import Samples, mean_intervals
+from jerkbench.evaluation.intervals import Samples, mean_intervals
 from jerkbench.report.columns import METHOD, SCENARIO_FACTORS, competes, quantity, varying_factors
 from jerkbench.report.findings import certain_size
 from jerkbench.report.plots.style import (

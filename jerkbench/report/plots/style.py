@@ -135,15 +135,6 @@ def legend_below(figure: Figure) -> None:
             handle.set(markersize=6.0, alpha=1.0)
 
 
-def draw_ticks(axes: Axes, t_s: FloatArray, height: float, colour: str, label: str | None = None) -> None:
-    """Draw a short vertical line (tick) at each time.
-
-    ``height`` is the vertical position of the ticks, as a fraction of the axes.
-    """
-    style = {"color": colour, "markersize": 4.0, "transform": axes.get_xaxis_transform(), "label": label}
-    axes.plot(t_s, np.full(len(t_s), height), "|", **style)  # type: ignore[arg-type]  # as documented
-
-
 def say(axes: Axes, message: str) -> None:
     """Draw the text ``message`` in the centre of axes that have no data."""
     axes.set(xticks=[], yticks=[])
@@ -272,8 +263,8 @@ def _index(labels: tuple[str, ...], label: str) -> int:
     return labels.index(label) if label in labels else len(labels)
 
 
-def with_gaps(t_s: FloatArray, values: FloatArray, longest: float = 3.0) -> tuple[FloatArray, FloatArray]:
-    """Return times and values with NaN inserted where a gap is longer than ``longest`` times the median time step."""
+def with_gaps(t_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return times and values with NaN inserted where a gap is longer than three times the median time step."""
     steps = np.diff(t_s)
-    places = np.flatnonzero(steps > longest * np.median(steps)) + 1 if len(steps) else np.empty(0, dtype=int)
+    places = np.flatnonzero(steps > 3.0 * np.median(steps)) + 1 if len(steps) else np.empty(0, dtype=int)
     return np.insert(t_s, places, t_s[places - 1]), np.insert(values, places, np.nan)

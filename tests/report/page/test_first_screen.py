@@ -5,8 +5,7 @@ import pandas as pd
 
 from jerkbench.report import page as room
 from jerkbench.report.findings import answer
-from jerkbench.report.page import gallery
-from jerkbench.report.page_content import matrix, settings
+from jerkbench.report.page import gallery, matrix, settings
 from jerkbench.report.plots.studies import Picture
 from jerkbench.report.study_verdicts import study_verdicts
 from made_rows import study_rows

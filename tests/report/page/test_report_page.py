@@ -12,10 +12,9 @@ import pytest
 from commands import swept
 from jerkbench.jobs.store import Store
 from jerkbench.jobs.study import row_of
-from jerkbench.report.page import page
-from jerkbench.report.page_content import settings
+from jerkbench.report.page import page, review, settings
 from jerkbench.report.plots.studies import Picture
-from jerkbench.report.review import TUNED, review
+from jerkbench.report.summary import TUNED
 
 SWEEP = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,multipath_single_axis", "seeds=2"]
 

@@ -6,8 +6,7 @@ import pytest
 from made_runs import make_estimate, make_recording
 from matplotlib.colors import to_hex
 
-from jerkbench.report.plots.consistency import adapted_r_figure
-from jerkbench.report.plots.runs import error_figure, inclination_figure, trajectory_figure
+from jerkbench.report.plots.runs import adapted_r_figure, error_figure, inclination_figure, trajectory_figure
 from jerkbench.report.plots.studies import of_rows, palette_of
 from jerkbench.report.plots.style import COLOURS, Palette, method_of
 

@@ -12,14 +12,12 @@ from matplotlib.image import imread
 from scipy.stats import chi2
 
 from jerkbench.inspection.facts import overview_figure
-from jerkbench.report.plots.consistency import (
+from jerkbench.report.plots.runs import (
     adapted_r_figure,
     consistency_figure,
-    nees,
-)
-from jerkbench.report.plots.runs import (
     error_figure,
     inclination_figure,
+    nees,
     trajectory_figure,
 )
 from jerkbench.report.plots.studies import (
