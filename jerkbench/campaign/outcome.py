@@ -221,21 +221,37 @@ def notes_of_tuning(tuning: Tuning) -> list[str]:
 
 
 def write_presets(tuning: Tuning, folder: Path) -> None:
-    """Write a preset for each tuned plugin to a subfolder of ``folder``, and an experiment that selects the presets."""
+    """Write a preset for each tuned plugin to a subfolder of ``folder``, and an experiment that selects the presets.
+
+    A second experiment selects the settings before the search.
+    """
     spec, choices, notes = tuning.job.spec, {}, notes_of_tuning(tuning)
+    before: dict[str, Any] = {"defaults": []}
     for part in TUNED_PARTS:
         plugin, values = str(spec[part]["name"]), tuning.space.of_part(part, tuning.setting)
         if values or part != "attitude":
             choices[part] = _name(tuning) if values else plugin
+            before["defaults"].append({f"override /{part}": plugin})
         if values:
             given = {key: value for key, value in spec[part].items() if key != "name"}
             plain = {key: list(value) if isinstance(value, tuple) else value for key, value in given.items()}
+            before[part] = plain
             text = _text(notes[0], {"defaults": [plugin, "_self_"], **plain, **values})
             write_text(folder / part / f"{_name(tuning)}.yaml", text)
     factors = tuning.space.of_part("r_scale", tuning.setting)
     defaults = [{f"override /{part}": preset} for part, preset in choices.items()]
     experiment = {"defaults": [*defaults, "_self_"], **({"r_scale": factors} if factors else {}), "notes": notes}
     write_text(folder / "experiment" / f"{_name(tuning)}.yaml", f"# @package _global_\n{_text(notes[0], experiment)}")
+    if factors:
+        before["r_scale"] = tuning.space.of_part("r_scale", tuning.space.start)
+    before["defaults"].append("_self_")
+    text = _text("The setting before the search.", before)
+    write_text(folder / "experiment" / f"{name_before(tuning)}.yaml", f"# @package _global_\n{text}")
+
+
+def name_before(tuning: Tuning) -> str:
+    """Return the name of the experiment that selects the setting before the search."""
+    return f"{tuning.name}_before".replace("-", "_")
 
 
 def _name(tuning: Tuning) -> str:

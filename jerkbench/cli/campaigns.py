@@ -12,7 +12,7 @@ from jerkbench.cli.arguments import EXECUTION, RUN_PROGRAMS, argument, command, 
 
 @command(
     flag("-m", "--multirun", help="tune several methods with the same budget"),
-    flag("--compare", help="run the tuned methods on unused data afterwards, and print their table"),
+    flag("--compare", help="run the methods before and after tuning on unused data, and print their table"),
     argument("overrides", nargs="*", metavar="KEY=VALUE", help="the method, the scenarios and the budget"),
 )
 def tune_command(arguments: argparse.Namespace) -> None:

@@ -142,7 +142,8 @@ def test_compare_tunes_all_methods_and_runs_them_on_unused_seeds(tmp_path):
     assert done.returncode == 0, done.stderr
 
     rows = pd.read_csv(tmp_path / "results/one/rows.csv")
-    methods = {(f"{name}, tuned", rule) for name in ("baseline", "jerk") for rule in ("none", "chi2")}
+    filters = ("baseline", "baseline, tuned", "jerk", "jerk, tuned")
+    methods = {(name, rule) for name in filters for rule in ("none", "chi2")}
     assert set(rows[["filter", "adaptation"]].itertuples(index=False, name=None)) == methods
     assert set(rows["seed"]) == {4, 5}  # 0 to 3 are of the tuning
 
