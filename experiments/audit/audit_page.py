@@ -348,7 +348,7 @@ def interval(said: Statement) -> str:
 def _word(verdict: str, *, small: bool) -> str:
     if verdict == Verdict.EQUAL:
         return EQUAL
-    return f"{verdict}, by less than 10 %" if small and verdict != Verdict.UNDECIDED else str(verdict)
+    return f"less than 10 % {verdict}" if small and verdict != Verdict.UNDECIDED else str(verdict)
 
 
 def percent(share: float) -> str:
@@ -456,13 +456,13 @@ def compared_text(
         if one.verdict is not other.verdict
     ]
     opposite = [change for change in changed if {*change[2:]} == {Verdict.BETTER, Verdict.WORSE}]
-    turned = f"{len(opposite) or 'No'} verdict{'s change' if len(opposite) > 1 else ' changes'}"
+    turned = f"{len(opposite) or 'No'} verdict{'s are' if len(opposite) > 1 else ' is'}"
     average = "On average over the adaptive filters from the literature, adaptation multiplies the error by"
     best = "the error of the best adaptive filter divided by the error of the best plain filter is"
     sentences = [
         "A second audit repeats the first audit with other simulated drives and other tunings.",
         f"The two audits differ in {len(changed)} of {2 * len(methods)} verdicts about single adaptive filters.",
-        f'{turned} between "better" and "worse"{", which is a defect" * bool(opposite)}.',
+        f'{turned} "better" in one audit and "worse" in the other audit{", which is a defect" * bool(opposite)}.',
         f"{average} {interval(first.average)} in the first audit.",
         f"In the second audit, adaptation multiplies the error by {interval(second.average)} on average.",
     ]

@@ -82,7 +82,7 @@ def test_a_verdict_that_turns_is_a_defect_and_a_method_without_a_row_an_error(an
     ratios = {("jerk", "mtf"): 0.5, ("baseline", "chi2"): 0.6}
     other = statements(losses_of(made_rows(seed=1, ratio=ratios)))
     text = PAGE.compared_text(SMALL.methods, answer.said, other, {"outliers": [answer.said, other]})
-    assert '2 verdicts change between "better" and "worse", which is a defect' in text
+    assert '2 verdicts are "better" in one audit and "worse" in the other audit, which is a defect' in text
     assert f"On the drives without outliers, adaptation multiplies the error by {PAGE.interval(other.average)}" in text
     assert "- jerk + mtf, own plain filter: better, then worse" in text
     judged = answer.rows.judged
