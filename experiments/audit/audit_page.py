@@ -179,7 +179,7 @@ def steps(rows: AuditRows, losses: Losses) -> "pd.Series[float]":
 
 
 def told_truth(answer: AuditAnswer) -> dict[str, float]:
-    """Return the ratio of each reference, which is told the truth, to the plain filter of its model, by its name."""
+    """Return the ratio of each reference, which uses the truth, to the plain filter of its model, by its name."""
     protocol, plains = answer.rows.protocol, answer.losses.plains
     ratios: dict[str, float] = {}
     for name in protocol.references:

@@ -273,12 +273,13 @@ def ratio_sentence(d: FloatArray, taken: Taken, unit: str) -> str:
     """Return the result of (16, n) log ratios as one line; ``unit`` is the noun for a replicate."""
     result = over_replicates(d, taken)
     low, high = result.exact
-    median = f"on the median {unit}, adaptation multiplies the error by {result.median:.2f} [{low:.2f}, {high:.2f}]."
+    value = f"{result.median:.2f} [{low:.2f}, {high:.2f}]"
+    median = f"the median of the average error ratio over the {result.n} {unit}s is {value}."
     count = "No" if result.wins == 0 else f"{result.wins} of {result.n}"
     wins = (
         f"{count} {unit}{'s' * (result.wins > 0)} {'have' if result.wins > 1 else 'has'} an average error ratio below 1"
     )
-    test = f"(sign test with {result.n} {unit}s, p = {result.p:.2g}: **{result.verdict}**)."
+    test = f"(sign test, p = {result.p:.2g}: **{result.verdict}**)."
     largest = f"The {unit} `{result.worst}` has the largest average error ratio, {result.worst_ratio:.2f}."
     return f"{median} {wins} {test} {largest}"
 
