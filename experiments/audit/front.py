@@ -40,7 +40,7 @@ FAULTS = {
 """The kinds of fault, in the order of the picture, with their names there."""
 
 BLOCK = re.compile(r"(?<=<!-- audit -->\n).*?(?=<!-- /audit -->)", flags=re.DOTALL)
-REAL_GNSS = re.compile(r"- \*\*J-GNSS\*\*: .*? (\S+) \[(\S+), (\S+)\].*? with (\d+) GNSS trips.*?: \*\*(\w+)\*\*")
+REAL_GNSS = re.compile(r"- \*\*J-GNSS\*\*: .*? (\d+) GNSS trips is (\S+) \[(\S+), (\S+)\].*?: \*\*(\w+)\*\*")
 
 
 def front(audit: Audit) -> str:
@@ -54,7 +54,7 @@ def front(audit: Audit) -> str:
     found = REAL_GNSS.search((RESULTS / "journeys" / "answer.md").read_text(encoding="utf-8"))
     if not found or found[5] != "worse" or average[2] >= 1.0 or without[1] < 0.995 or counts["no fault"][0]:
         sys.exit(f"The results have changed ({average}, {without}, {counts['no fault']}, {found}): rewrite the text.")
-    ratio, low, high, trips, _ = found.groups()
+    trips, ratio, low, high, _ = found.groups()
     finding = f"""\
 **Adaptation helps against outliers, rarely otherwise.** We tuned {methods} adaptive filters and all plain filters
 equally, and tested them on {audit.y.shape[2]} new simulated drives. On drives with outliers,
@@ -62,7 +62,8 @@ equally, and tested them on {audit.y.shape[2]} new simulated drives. On drives w
 {counts["outliers"][1]} are worse. On drives without a fault, no adaptive filter beats the plain filter, and
 {counts["no fault"][1]} are worse. On average, adaptation multiplies the error by {average[0]:.2f} (95 % interval
 {average[1]:.2f} to {average[2]:.2f}), and without outliers by {without[0]:.2f} ({without[1]:.2f} to {without[2]:.2f}).
-Over {trips} real GNSS trips, adaptation multiplies the error by {ratio} (median; {low} to {high})."""
+On {trips} real GNSS trips, adaptation multiplies the error by {ratio} (median of the trips; 95 % interval {low} to
+{high})."""
     limits = "[The audit](experiments/audit/README.md) describes the method, the ranking and the limits."
     caption = (
         "Number of adaptive filters that are significantly better or worse than the plain filter, by kind of fault"

@@ -176,9 +176,9 @@ def main() -> int:
         r"\(95 % interval (\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*average),
         r"without outliers by (\S+) \(": f"{without[0]:.2f}",
         r"without outliers by \S+ \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*without),
-        r"Over (\d+) real GNSS trips": number,
+        r"On (\d+) real GNSS trips": number,
         r"GNSS trips, .*? the error by (\S+) \(": f"{real[0]:.2f}",
-        r"\(median; (\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*real),
+        r"median of the trips; 95 % interval (\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*real),
     }
     differ = 0
     for pattern, value in found.items():

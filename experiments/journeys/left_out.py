@@ -275,10 +275,7 @@ def ratio_sentence(d: FloatArray, taken: Taken, unit: str) -> str:
     low, high = result.exact
     value = f"{result.median:.2f} [{low:.2f}, {high:.2f}]"
     median = f"the median of the average error ratio over the {result.n} {unit}s is {value}."
-    count = "No" if result.wins == 0 else f"{result.wins} of {result.n}"
-    wins = (
-        f"{count} {unit}{'s' * (result.wins > 0)} {'have' if result.wins > 1 else 'has'} an average error ratio below 1"
-    )
+    wins = f"On average, the adaptations reduce the error on {result.wins} of {result.n} {unit}s"
     test = f"(sign test, p = {result.p:.2g}: **{result.verdict}**)."
     largest = f"The {unit} `{result.worst}` has the largest average error ratio, {result.worst_ratio:.2f}."
     return f"{median} {wins} {test} {largest}"
