@@ -21,7 +21,10 @@ from jerkbench.io.frames import (
     in_enu,
 )
 from jerkbench.io.readers import read_columns
-from jerkbench.io.rtklib import (
+from jerkbench.io.sanitiser import imu_in_body, possible_rows, steady_rows
+from jerkbench.io.table import accepted, covariances_of, without_cut_times
+from jerkbench.io.text import TextFormat, read_bytes
+from jerkbench.io.tracks import (
     POS_COVARIANCE,
     POS_POSITION,
     POS_QUALITY,
@@ -29,9 +32,6 @@ from jerkbench.io.rtklib import (
     POS_VELOCITY_COVARIANCE,
     is_ellipsoidal,
 )
-from jerkbench.io.sanitiser import imu_in_body, possible_rows, steady_rows
-from jerkbench.io.table import accepted, covariances_of, without_cut_times
-from jerkbench.io.text import TextFormat, read_bytes
 from jerkbench.plugins import register
 from jerkbench.recording import Origin, Position, Recording, Reference, Velocity
 

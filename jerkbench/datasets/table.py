@@ -26,7 +26,6 @@ from jerkbench.io.frames import (
     origin_of,
 )
 from jerkbench.io.readers import SOLUTION
-from jerkbench.io.rtklib import POS_QUALITY
 from jerkbench.io.sanitiser import (
     HELD,
     MAX_MPS,
@@ -49,6 +48,7 @@ from jerkbench.io.table import (
     require_columns,
     with_sigma,
 )
+from jerkbench.io.tracks import POS_QUALITY
 from jerkbench.plugins import register
 from jerkbench.recording import THE_FIXES, Imu, Origin, Position, Recording, Reference, Velocity
 

@@ -1,7 +1,7 @@
 """Reading and writing files of recordings and trajectories. This package has no plugins.
 
-Tables: `text`, `tracks` and `rtklib` read formats, and `readers` selects the format of a file. `columns` contains the
-result. `frames` converts values to ENU and to body axes, and `table` creates the streams of a recording.
+Tables: `text` and `tracks` read formats, and `readers` selects the format of a file. `columns` contains the result.
+`frames` converts values to ENU and to body axes, and `table` creates the streams of a recording.
 
 Bags: `bag` reads messages and describes topics, `bag_topics` assigns roles to topics, `bag_cleaning` drops or repairs
 damaged messages, and `bag_dataset` creates the recording. `bag_writing` writes bags.

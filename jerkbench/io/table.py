@@ -29,9 +29,9 @@ from jerkbench.io.frames import (
     rotated_covariance,
 )
 from jerkbench.io.readers import SOLUTION, read_columns
-from jerkbench.io.rtklib import POS_COVARIANCE, POS_POSITION, POS_VELOCITY, POS_VELOCITY_COVARIANCE
 from jerkbench.io.sanitiser import MIN_DATE_NS, drop_notes, possible_rows
 from jerkbench.io.text import TextFormat, cut_note
+from jerkbench.io.tracks import POS_COVARIANCE, POS_POSITION, POS_VELOCITY, POS_VELOCITY_COVARIANCE
 from jerkbench.recording import Origin, Reference
 
 _RTKLIB = [0, 3, 5, 3, 1, 4, 5, 4, 2]
