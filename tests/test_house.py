@@ -19,7 +19,7 @@ ROOT = Path(jerkbench.__file__).parents[1]
 MAX_FILE_LINES = 500
 """Lines of a file."""
 
-MAX_MODULES, MAX_FOLDERS = 163, 23
+MAX_MODULES, MAX_FOLDERS = 162, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
     "campaign": 1567,
@@ -30,7 +30,7 @@ MAX_CODE = {
     "hydra_plugins": 15,
     "inertial": 1038,
     "inspection": 1859,
-    "io": 2492,
+    "io": 2426,
     "jerkbench": 1726,
     "jobs": 1712,
     "kinematic": 1309,
@@ -39,7 +39,7 @@ MAX_CODE = {
     "simulation": 598,
 }
 """Lines of code of each package without docstrings, comments, blank lines, imports and plugins. They may only fall."""
-MAX_LONE = 13
+MAX_LONE = 12
 """Modules that one other module imports; the aim is none."""
 
 DOUBLES = {"anywhere", "each_run", "select"}

@@ -3,8 +3,8 @@
 Tables: `text` and `tracks` read formats, and `readers` selects the format of a file. `columns` contains the result.
 `frames` converts values to ENU and to body axes, and `table` creates the streams of a recording.
 
-Bags: `bag` reads messages and describes topics, `bag_topics` assigns roles to topics, `bag_cleaning` drops or repairs
-damaged messages, and `bag_dataset` creates the recording. `bag_writing` writes bags.
+Bags: `bag` reads messages and describes topics, `bag_topics` contains the roles of topics and drops or repairs damaged
+messages, and `bag_dataset` creates the recording. `bag_writing` writes bags.
 
 `clocks` converts times, and `sanitiser` contains the checks of all readers. `trajectory` reads trajectories, and
 `writing` exports recordings.

@@ -23,8 +23,16 @@ from jerkbench.geometry import (
     euler_from_dcm,
 )
 from jerkbench.io.bag import Bag, Messages, bag_files, content_files, missing_parts, open_bag
-from jerkbench.io.bag_cleaning import BagNotes, clean_topics, places_of, sound_covariances, steady_fixes
-from jerkbench.io.bag_topics import Metadata, TopicPlan, is_ecef
+from jerkbench.io.bag_topics import (
+    BagNotes,
+    Metadata,
+    TopicPlan,
+    clean_topics,
+    is_ecef,
+    places_of,
+    sound_covariances,
+    steady_fixes,
+)
 from jerkbench.io.clocks import UNIX_EPOCH, velocity_when_true, with_common_time, with_recorded_outages
 from jerkbench.io.files import FETCHED, FromFiles, named_folder
 from jerkbench.io.frames import (
