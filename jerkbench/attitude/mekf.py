@@ -6,14 +6,18 @@ from typing import Annotated, ClassVar, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolVector, FloatMatrix, FloatVector
-from jerkbench.attitude.common import TiltAndYaw, TiltStart, Verticals, run_samples, tilt_start
-from jerkbench.attitude.gravity_update import (
+from jerkbench.attitude.common import (
     ADAPTATIONS,
     GravityUpdate,
+    TiltAndYaw,
+    TiltStart,
+    Verticals,
     fill_noise,
     fill_rotation,
     gravity_update,
+    run_samples,
     see_gravity,
+    tilt_start,
     updating,
 )
 from jerkbench.geometry import dcm_from_euler, roll_pitch
