@@ -12,10 +12,8 @@ import numpy as np
 from jerkbench.arrays import FloatArray, require_choices, require_not_negative, require_positive
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import enu_axes
-from jerkbench.io.clocks import with_common_time, with_recorded_outages
 from jerkbench.io.columns import Columns
-from jerkbench.io.files import FromFiles, named_folder
-from jerkbench.io.frames import (
+from jerkbench.io.conversions import (
     LOCAL_FRAMES,
     SPEED_UNITS,
     axes_in_enu,
@@ -25,6 +23,7 @@ from jerkbench.io.frames import (
     in_enu,
     origin_of,
 )
+from jerkbench.io.files import FromFiles, named_folder
 from jerkbench.io.readers import SOLUTION
 from jerkbench.io.sanitiser import (
     HELD,
@@ -36,6 +35,8 @@ from jerkbench.io.sanitiser import (
     possible_rows,
     require_origin,
     steady_rows,
+    with_common_time,
+    with_recorded_outages,
 )
 from jerkbench.io.table import (
     CHOICES,

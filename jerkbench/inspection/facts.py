@@ -21,7 +21,7 @@ from jerkbench.inspection.noise import (
     rest_noise,
     stated_against_real_sigma,
 )
-from jerkbench.io.frames import felt_axis
+from jerkbench.io.conversions import felt_axis
 from jerkbench.io.sanitiser import imu_gap_notes, repeated_samples
 from jerkbench.recording import THE_FIXES, Heading, Imu, Position, Recording, Reference, Velocity
 from jerkbench.report.plots.style import (

@@ -35,7 +35,7 @@ from jerkbench.inspection.evidence import (
     turning_track,
 )
 from jerkbench.io.columns import TIME_UNITS
-from jerkbench.io.frames import (
+from jerkbench.io.conversions import (
     ACCEL_UNITS,
     ANGLE_UNITS,
     GYRO_UNITS,

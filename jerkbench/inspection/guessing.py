@@ -43,9 +43,8 @@ from jerkbench.inspection.guesses import (
 )
 from jerkbench.inspection.lags import CLOCK_CORRELATION, SHIFT_PARAMETERS, all_lags
 from jerkbench.inspection.noise import longest_rest
-from jerkbench.io.clocks import GPST_MINUS_UTC_S
 from jerkbench.io.columns import MAX_NANOSECONDS, Columns
-from jerkbench.io.frames import SPEED_UNITS
+from jerkbench.io.conversions import GPST_MINUS_UTC_S, SPEED_UNITS
 from jerkbench.io.readers import SOLUTION, read_columns
 from jerkbench.io.text import TextFormat
 from jerkbench.io.tracks import track_reader

@@ -24,7 +24,7 @@ from jerkbench.inspection.evidence import (
     window_means,
     without_nan_rows,
 )
-from jerkbench.io.frames import felt_axis
+from jerkbench.io.conversions import felt_axis
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 
 _NAN = float("nan")

@@ -33,14 +33,13 @@ from jerkbench.io.bag_topics import (
     sound_covariances,
     steady_fixes,
 )
-from jerkbench.io.clocks import UNIX_EPOCH, velocity_when_true, with_common_time, with_recorded_outages
-from jerkbench.io.files import FETCHED, FromFiles, named_folder
-from jerkbench.io.frames import (
+from jerkbench.io.conversions import (
     ACCEL_UNITS,
     ENU_FROM_NED,
     FLU_FROM_FRD,
     GYRO_UNITS,
     LOCAL_FRAMES,
+    UNIX_EPOCH,
     axes_matrix,
     calibrated_at_rest,
     enu_from,
@@ -50,8 +49,10 @@ from jerkbench.io.frames import (
     origin_of,
     rotated_covariance,
     swapped,
+    velocity_when_true,
 )
-from jerkbench.io.sanitiser import require_origin, unit_quaternions
+from jerkbench.io.files import FETCHED, FromFiles, named_folder
+from jerkbench.io.sanitiser import require_origin, unit_quaternions, with_common_time, with_recorded_outages
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
 
 BagFrame = Literal["geodetic", "ecef", "enu", "ned"]

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError, unknown
-from jerkbench.io.clocks import GPS_EPOCH_NS, WEEK_NS
+from jerkbench.io.conversions import GPS_EPOCH_NS, WEEK_NS
 from jerkbench.io.sanitiser import (
     MAX_DATE_NS,
     MIN_DATE_NS,

@@ -12,22 +12,24 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray, positive_definite, require_lengths
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, enu_axes, euler_from_dcm
-from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH
 from jerkbench.io.columns import TIME_UNITS, Columns, times_ns
-from jerkbench.io.files import find_files, named_folder
-from jerkbench.io.frames import (
+from jerkbench.io.conversions import (
     ACCEL_UNITS,
     ANGLE_UNITS,
     FLU_FROM_FRD,
     FRAMES,
+    GPS_EPOCH_NS,
+    GPST_MINUS_UTC_S,
     GYRO_UNITS,
     HEIGHT_UNITS,
     SPEED_UNITS,
+    UNIX_EPOCH,
     axes_matrix,
     covariance_in_enu,
     enu_from,
     rotated_covariance,
 )
+from jerkbench.io.files import find_files, named_folder
 from jerkbench.io.readers import SOLUTION, read_columns
 from jerkbench.io.sanitiser import MIN_DATE_NS, drop_notes, possible_rows
 from jerkbench.io.text import TextFormat, cut_note

@@ -16,9 +16,20 @@ from jerkbench.estimate import Estimate
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
 from jerkbench.io.bag import ODOMETRY, POSE, POSE_COVARIANCE, Messages, open_bag
 from jerkbench.io.bag_writing import SOMETIME
-from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, ns_since_1970
 from jerkbench.io.columns import TIME_UNITS, Columns, times_ns
-from jerkbench.io.frames import ANGLE_UNITS, FRAMES, LOCAL_FRAMES, axes_in_enu, covariance_in_enu, in_degrees, in_enu
+from jerkbench.io.conversions import (
+    ANGLE_UNITS,
+    FRAMES,
+    GPS_EPOCH_NS,
+    GPST_MINUS_UTC_S,
+    LOCAL_FRAMES,
+    WEEK_NS,
+    axes_in_enu,
+    covariance_in_enu,
+    in_degrees,
+    in_enu,
+    ns_since_1970,
+)
 from jerkbench.io.readers import read_columns
 from jerkbench.io.sanitiser import OFF_EARTH, off_earth, require_fractions
 from jerkbench.io.table import read_attitude
