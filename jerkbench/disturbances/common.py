@@ -5,7 +5,7 @@ from typing import Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.parameters import Limit, Limited
 from jerkbench.plugins import register
@@ -95,8 +95,8 @@ def fault_stream(seed: int, disturbance: str, label: str, *parts: str) -> np.ran
 AnyStream = TypeVar("AnyStream", Position, Velocity, Heading, Reference)
 
 
-def rows_of(stream: AnyStream, selected: BoolArray, **changes: Any) -> AnyStream:  # noqa: ANN401 - fields of the stream
-    """Return the rows of ``stream`` where ``selected`` is true. ``changes`` are new values of complete fields."""
+def rows_of(stream: AnyStream, selected: BoolArray | IntArray, **changes: Any) -> AnyStream:  # noqa: ANN401 - fields of the stream
+    """Return the rows ``selected`` (a mask or indices) of ``stream``. ``changes`` are new values of complete fields."""
     values = {f.name: getattr(stream, f.name) for f in fields(stream)}
     arrays = {name: value[selected] for name, value in values.items() if isinstance(value, np.ndarray)}
     return replace(stream, **(arrays | changes))

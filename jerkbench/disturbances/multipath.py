@@ -65,11 +65,7 @@ class Bursts(DrawnFault):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 0 < self.shortest_s <= self.longest_s:
-            raise PluginError(
-                f"Invalid duration of a burst, {self.shortest_s} to {self.longest_s} s; shortest_s and longest_s must"
-                " satisfy 0 < shortest_s <= longest_s."
-            )
+        self.require_range("shortest_s", "longest_s", "s", above=True)
         self.require_range("smallest_m", "largest_m", "m")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
