@@ -35,7 +35,7 @@ from jerkbench.io.tracks import (
     is_ellipsoidal,
 )
 from jerkbench.plugins import register
-from jerkbench.recording import Origin, Position, Recording, Reference, Velocity
+from jerkbench.recording import Origin, Position, Recording, Reference
 
 
 @register("dataset", "rtklib")
@@ -142,13 +142,16 @@ class RtklibDrive(FromFiles):
         measured, units = (samples.numbers(LOG_ACCEL), samples.numbers(LOG_GYRO)), (self.accel_unit, self.gyro_unit)
         imu, of_imu = imu_in_body(str(imu_path), imu_s, *measured, units, turn)
         imu = calibrated_at_rest(imu, rest_s, gyro=self.remove_gyro_bias, accel=self.scale_accel_to_gravity)
-        source, moves = "the receiver's own fixes", speed_mps >= self.min_speed_mps
+        source, moves, velocity = "the receiver's own fixes", speed_mps >= self.min_speed_mps, None
+        if columns.has(POS_VELOCITY):
+            of_velocity = columns.numbers(POS_VELOCITY), _covariances(columns, POS_VELOCITY_COVARIANCE)
+            velocity = velocity_when_true(t_s, *of_velocity, self.velocity_latency_s)
         recording = Recording(
             name=pos_path.parent.resolve().name,
             imu=imu,
             reference=Reference(t_s, source, independent=False, enu_m=position.enu_m, scored=moves),
             position=position,
-            velocity=_velocity_of_fixes(columns, t_s, self.velocity_latency_s),
+            velocity=velocity,
             origin=origin,
             start_utc=utc_of(zero_ns, self.gpst_minus_utc_s),
             static_start_s=rest_s,
@@ -253,15 +256,6 @@ def _ground_speed(columns: Columns, position: Position) -> FloatArray:
     if len(position.t_s) < 2:
         return np.zeros(len(position.t_s))
     return np.asarray(np.hypot(*np.gradient(position.enu_m[:, :2], position.t_s, axis=0).T))
-
-
-def _velocity_of_fixes(columns: Columns, t_s: FloatArray, latency_s: tuple[float, ...]) -> Velocity | None:
-    """Return the velocities of the solution, corrected by their latency, or None if it has no velocities."""
-    if not columns.has(POS_VELOCITY):
-        return None
-    return velocity_when_true(
-        t_s, columns.numbers(POS_VELOCITY), _covariances(columns, POS_VELOCITY_COVARIANCE), latency_s
-    )
 
 
 def _gpst_ns(columns: Columns, gpst_minus_utc_s: float) -> IntArray:

@@ -272,7 +272,10 @@ class Tables(FromFiles, TimedColumns):
         if any(getattr(self, name) != value for name, value in changed.items()):
             return replace(self, **changed).load()
         samples = self._samples()
-        zero_ns = self._first_ns(samples)
+        first = samples
+        if first is None:
+            first = self.read(self._source("position")).with_entries(self.position_columns)
+        zero_ns = int(first.t_ns[0])
         position, origin, of_fixes = self._fixes(zero_ns)
         reference, origin, of_reference = self._reference(zero_ns, position, origin)
         imu, of_imu = self._imu(samples, zero_ns)
@@ -294,14 +297,8 @@ class Tables(FromFiles, TimedColumns):
 
     def paths(self) -> tuple[Path, ...]:
         """Return the paths of all files of the recording."""
-        names = (
-            self.imu_file,
-            self.gyro_file,
-            self.position_file,
-            self.velocity_file,
-            self.reference_file,
-            self.time_file,
-        )
+        streams = ("imu", "gyro", "position", "velocity", "reference", "time")
+        names = (getattr(self, f"{stream}_file") for stream in streams)
         return tuple(path for name in dict.fromkeys(names) if name for path in self.files(name, "folder"))
 
     def _require_one_origin(self) -> None:
@@ -346,12 +343,6 @@ class Tables(FromFiles, TimedColumns):
         t_ns = gyro.t_ns - samples.t_ns[0]
         at_ns, rates = samples.t_ns - samples.t_ns[0], gyro.numbers(self.imu_gyro)
         return np.column_stack([np.interp(at_ns, t_ns, rate, left=np.nan, right=np.nan) for rate in rates.T])
-
-    def _first_ns(self, samples: Columns | None) -> int:
-        """Return the stamp of time 0: the stamp of the first IMU sample, or of the first fix without an IMU."""
-        if samples is None:
-            samples = self.read(self._source("position")).with_entries(self.position_columns)
-        return int(samples.t_ns[0]) if len(samples.t_ns) else 0
 
     def _imu(self, samples: Columns | None, zero_ns: int) -> tuple[Imu | None, tuple[str, ...]]:
         """Return the IMU samples in body axes (or None without an IMU), and notes about the samples."""
