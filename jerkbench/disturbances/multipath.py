@@ -24,7 +24,7 @@ from jerkbench.errors import PluginError, RecordingError
 from jerkbench.parameters import Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.simulation.imu import gauss_markov
+from jerkbench.simulation.sensors import gauss_markov
 
 LASTING = Limit(lambda time: 0 < time < np.inf, "it must be above 0 s, or null.")
 

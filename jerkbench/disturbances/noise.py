@@ -20,7 +20,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.parameters import Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Velocity
-from jerkbench.simulation.imu import gauss_markov
+from jerkbench.simulation.sensors import gauss_markov
 
 FINITE = Limit(lambda times: np.isfinite(times).all(), "give finite times, in seconds.")
 ADDED = Limit(lambda k: 1 <= k < np.inf, "it must be at least 1, because noise can only be added.")
