@@ -85,21 +85,6 @@ def read_comma_segment(folder: Path) -> CommaSegment:
     return CommaSegment(*arrays)
 
 
-def segment_files(folder: Path) -> tuple[Path, ...]:
-    """Return the paths of all files of a segment.
-
-    Raises:
-        RecordingError: a file is missing.
-    """
-    paths = tuple(folder / group / name for group, files in _GROUPS.items() for name in files)
-    for path in paths:
-        if not path.is_file():
-            raise RecordingError(
-                f"There is no file {path}; set folder to the folder of a segment, which contains {_POSE} and {_LOG}."
-            )
-    return paths
-
-
 def _read(path: Path, columns: int, most: float) -> FloatArray:
     require_content(path)
     try:
@@ -217,8 +202,18 @@ class Comma2k19(FromFiles):
         )
 
     def paths(self) -> tuple[Path, ...]:
-        """Return the paths of all files of the segment."""
-        return segment_files(named_folder(self.folder or "fetched:comma2k19"))
+        """Return the paths of all files of the segment.
+
+        Raises:
+            RecordingError: a file is missing.
+        """
+        folder = named_folder(self.folder or "fetched:comma2k19")
+        paths = tuple(folder / group / name for group, files in _GROUPS.items() for name in files)
+        for path in (path for path in paths if not path.is_file()):
+            raise RecordingError(
+                f"There is no file {path}; set folder to the folder of a segment, which contains {_POSE} and {_LOG}."
+            )
+        return paths
 
     def _imu(self, segment: CommaSegment) -> Imu:
         turn = body_from_sensor(DEVICE_SIGNS, self.mounting_yaw_deg, self.mounting_pitch_deg)
