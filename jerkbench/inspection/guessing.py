@@ -232,6 +232,7 @@ def _streams(tables: Sequence[GuessedTable]) -> dict[str, GuessedTable]:
 def _times(draft: Draft) -> None:
     """Guess the time column, its unit and its epoch for each stream. All streams without dates have the same epoch."""
     epochs: dict[str, Guess] = {}
+    inertial = [draft.tables.get("imu"), draft.tables.get("gyro")]
     for stream, table in draft.tables.items():
         time = with_meaning(table.names, "time") or with_meaning(table.names, "tow")
         if time is None:
@@ -243,7 +244,7 @@ def _times(draft: Draft) -> None:
             continue
         stamps = table.columns.numbers([time.column], MAX_NANOSECONDS)[:, 0]
         week = with_meaning(table.names, "week")
-        of_week, fixes = time.quantity == "tow" or week is not None, table not in _of_imu(draft)
+        of_week, fixes = time.quantity == "tow" or week is not None, table not in inertial
         unit = guess_time_unit(stamps[np.isfinite(stamps)], time.unit, fixes=fixes, of_week=of_week)
         common = draft.guesses.get("time_unit", unit)
         if unit.grade == "unsure":
@@ -261,10 +262,6 @@ def _times(draft: Draft) -> None:
             " have different epochs; use the same clock in all files."
         )
     draft.add(*(counted or epochs.values()))
-
-
-def _of_imu(draft: Draft) -> list[GuessedTable]:
-    return [draft.tables[stream] for stream in ("imu", "gyro") if stream in draft.tables]
 
 
 def _epoch(draft: Draft, week: Name | None, *, dated: bool, of_week: bool) -> Guess:
@@ -433,8 +430,8 @@ def _rest(draft: Draft, recording: Recording) -> Iterator[Guess]:
         return
     why = "until then the IMU is at rest, and the fixes do not contradict it"
     yield Guess("static_start_s", float(int(rest.end_s)), "measured", why)
-    still = (recording.imu.t_s >= rest.begin_s) & (recording.imu.t_s <= rest.end_s)
-    bias_degps = np.degrees(np.linalg.norm(recording.imu.gyro_radps[still].mean(axis=0)))
+    gyro_radps = rest.rows_of(recording.imu.t_s, recording.imu.gyro_radps)
+    bias_degps = np.degrees(np.linalg.norm(gyro_radps.mean(axis=0)))
     if bias_degps > MIN_BIAS_DEGPS:
         why = f"the mean turn rate at rest is {bias_degps:.2g} deg/s"
         yield Guess("remove_gyro_bias", value=True, grade="measured", why=why)

@@ -141,8 +141,11 @@ def in_enu(values: FloatArray, frame: str, origin: Origin | None) -> FloatArray:
     if frame == "ecef":
         return ecef_to_enu(values, origin)
     latitude, longitude, height_m = values.T
-    enu_m = geodetic_to_enu(latitude, longitude, _between(height_m, origin.height_m), origin)
-    enu_m[np.isnan(height_m), 2] = np.nan
+    rows, known, between_m = np.arange(len(height_m)), ~np.isnan(height_m), np.full(len(height_m), origin.height_m)
+    if known.any():
+        between_m = np.interp(rows, rows[known], height_m[known])
+    enu_m = geodetic_to_enu(latitude, longitude, between_m, origin)
+    enu_m[~known, 2] = np.nan
     return enu_m
 
 
@@ -155,12 +158,6 @@ def axes_to_judge(values: FloatArray, frame: str) -> FloatArray:
     if frame != "geodetic":
         return values
     return np.column_stack([geodetic_to_ecef(values[:, 0], values[:, 1], np.zeros(len(values))), values[:, 2]])
-
-
-def _between(height_m: FloatArray, otherwise: float) -> FloatArray:
-    """Replace NaN in heights (n,) by linear interpolation, or by ``otherwise`` if every height is NaN."""
-    rows, known = np.arange(len(height_m)), ~np.isnan(height_m)
-    return np.interp(rows, rows[known], height_m[known]) if known.any() else np.full(len(height_m), otherwise)
 
 
 def axes_in_enu(values: FloatArray, frame: str) -> FloatArray:

@@ -181,14 +181,10 @@ CHOICES = {
 }
 """Allowed values of each parameter."""
 
-_SIGMAS = (0, 1, 3, 6)
-_COVARIANCES = (0, 1, 3, 6, 9)
-"""Allowed numbers of columns of standard deviations, and of variances and covariances."""
-
 _COUNTS: dict[str, tuple[int, ...]] = {
     **dict.fromkeys(("imu_accel", "imu_gyro", "position_columns", "velocity_columns", "reference_offset_m"), (3,)),
-    **dict.fromkeys(("position_sigma", "velocity_sigma"), _SIGMAS),
-    **dict.fromkeys(("position_covariance", "velocity_covariance"), _COVARIANCES),
+    **dict.fromkeys(("position_sigma", "velocity_sigma"), (0, 1, 3, 6)),
+    **dict.fromkeys(("position_covariance", "velocity_covariance"), (0, 1, 3, 6, 9)),
     **dict.fromkeys(("reference_position", "reference_velocity"), (0, 3)),
     "reference_sigma": (0, 1, 3),
     "reference_attitude": (0, 3, 4),
