@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -182,31 +182,38 @@ def attitude_from(
     return Attitude(imu.t_s, dcm, euler_rad, compensate_gravity(dcm, imu.accel_mps2, compensation), seen, yaw_sigma_rad)
 
 
-def run_samples(loop: Callable[..., None], title: str, imu: Imu, state: tuple[object, ...], *filled: Any) -> None:  # noqa: ANN401 - arrays
-    """Call ``loop``(*state, gyro, accel, intervals, *filled) once for all samples, compiled if numba is enabled.
+Verticals = tuple[FloatArray, BoolArray | None]
+"""The vertical x = Omega^T e3 (n, 3) after each sample, and a mask (n,) of detected external accelerations or None."""
 
-    With NUMBA_DISABLE_JIT=1, the loop runs as Python code and is about a hundred times slower.
+
+def run_samples(
+    loop: Callable[..., None], title: str, imu: Imu, state: tuple[object, ...], *, detects: bool
+) -> Verticals:
+    """Call ``loop`` once for all samples, compiled if numba is enabled, and return the verticals that it writes.
+
+    The arguments of the loop are ``state``, the angular rates, the specific forces, the intervals, the array of the
+    verticals, and the mask of detected external accelerations if ``detects`` is True. With NUMBA_DISABLE_JIT=1, the
+    loop runs as Python code and is about a hundred times slower.
 
     Args:
         loop: filter loop, a function that writes its results to its last arguments.
         title: name of the loop in progress messages.
         imu: IMU data that the loop processes.
         state: first arguments of the loop, the state and the parameters of the filter.
-        filled: output arrays to which the loop writes its results.
+        detects: whether the filter detects external accelerations.
     """
+    x, triggered = np.empty((len(imu.t_s), 3)), np.empty(len(imu.t_s), dtype=np.bool_)
+    filled = (x, triggered) if detects else (x,)
     samples = (np.require(a, np.float64, ["C", "W", "A"]) for a in (imu.gyro_radps, imu.accel_mps2, imu.intervals_s))
     with np.errstate(all="ignore"):
         (_compiled(loop, title) if can_compile() else loop)(*state, *samples, *filled)
+    return x, triggered if detects else None
 
 
 @cache
 def _compiled(loop: Callable[..., None], title: str) -> Callable[..., None]:
     function: Callable[..., None] = Compilation(loop, title).result()
     return function
-
-
-Verticals = tuple[FloatArray, BoolArray | None]
-"""The vertical x = Omega^T e3 (n, 3) after each sample, and a mask (n,) of detected external accelerations or None."""
 
 
 @dataclass(frozen=True, kw_only=True)

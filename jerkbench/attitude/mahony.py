@@ -52,11 +52,9 @@ class Mahony(TiltAndYaw):
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return the vertical x = Omega^T e3 (n, 3) after each sample. The mask of detected accelerations is None."""
-        x = np.empty((len(recording.inertial.t_s), 3))
         q = quaternion_of(tilt_start(recording, alignment=self.alignment).x)
         state = q, np.zeros(3), float(self.proportional_per_s), float(self.integral_per_s2)
-        run_samples(run_mahony, "the attitude filter mahony", recording.inertial, state, x)
-        return x, None
+        return run_samples(run_mahony, "the attitude filter mahony", recording.inertial, state, detects=False)
 
 
 def run_mahony(
@@ -130,11 +128,8 @@ class Madgwick(TiltAndYaw):
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return the vertical x = Omega^T e3 (n, 3) after each sample. The mask of detected accelerations is None."""
-        x = np.empty((len(recording.inertial.t_s), 3))
-        q = quaternion_of(tilt_start(recording, alignment=self.alignment).x)
-        state = q, float(self.gain_per_s)
-        run_samples(run_madgwick, "the attitude filter madgwick", recording.inertial, state, x)
-        return x, None
+        state = quaternion_of(tilt_start(recording, alignment=self.alignment).x), float(self.gain_per_s)
+        return run_samples(run_madgwick, "the attitude filter madgwick", recording.inertial, state, detects=False)
 
 
 def run_madgwick(
