@@ -19,7 +19,7 @@ ROOT = Path(jerkbench.__file__).parents[1]
 MAX_FILE_LINES = 500
 """Lines of a file."""
 
-MAX_MODULES, MAX_FOLDERS = 161, 23
+MAX_MODULES, MAX_FOLDERS = 160, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
     "campaign": 1567,
@@ -29,14 +29,14 @@ MAX_CODE = {
     "hydra_app": 720,
     "hydra_plugins": 15,
     "inertial": 1038,
-    "inspection": 1859,
-    "io": 2426,
-    "jerkbench": 1726,
+    "inspection": 1855,
+    "io": 2416,
+    "jerkbench": 1723,
     "jobs": 1712,
     "kinematic": 1309,
     "plugins": 738,
     "report": 2630,
-    "simulation": 598,
+    "simulation": 590,
 }
 """Lines of code of each package without docstrings, comments, blank lines, imports and plugins. They may only fall."""
 MAX_LONE = 12

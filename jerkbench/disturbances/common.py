@@ -180,6 +180,17 @@ def fixes_of(recording: Recording, consequence: str) -> Position:
     return recording.position
 
 
+def velocity_of(recording: Recording, name: str) -> Velocity:
+    """Return the velocities of a recording.
+
+    Raises:
+        RecordingError: the recording has no velocities; the message contains the name ``name`` of the disturbance.
+    """
+    if recording.velocity is None:
+        raise RecordingError(f"{recording.name} has no velocity, so {name} cannot be applied; remove {name}.")
+    return recording.velocity
+
+
 def in_space(random: np.random.Generator, rows: int, length_m: float = 1.0) -> FloatArray:
     """Return vectors (rows, 3) of the length ``length_m`` with random directions in space."""
     direction = random.standard_normal((rows, 3))

@@ -15,6 +15,7 @@ from jerkbench.disturbances.common import (
     displaced,
     fault_stream,
     in_any,
+    velocity_of,
 )
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.parameters import Limit
@@ -173,11 +174,7 @@ class WheelSlip(RegularWindows):
         Raises:
             RecordingError: the recording has no velocity, or no velocity row with both horizontal components.
         """
-        velocity = recording.velocity
-        if velocity is None:
-            raise RecordingError(
-                f"{recording.name} has no velocity, so wheel_slip cannot be applied; remove wheel_slip."
-            )
+        velocity = velocity_of(recording, "wheel_slip")
         together = velocity.mps[:, :1] if velocity.frame == "speed" else velocity.mps[:, :2]
         if len(velocity.t_s) and not np.isfinite(together).all(axis=1).any():
             raise RecordingError(

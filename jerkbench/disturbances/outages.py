@@ -16,6 +16,7 @@ from jerkbench.disturbances.common import (
     in_each,
     in_plane,
     rows_of,
+    velocity_of,
     without,
 )
 from jerkbench.errors import PluginError, RecordingError
@@ -108,11 +109,7 @@ class VelocityOutage(OutageWindows):
         Raises:
             RecordingError: the recording has no velocities.
         """
-        if recording.velocity is None:
-            raise RecordingError(
-                f"{recording.name} has no velocity, so velocity_outage cannot be applied; remove velocity_outage."
-            )
-        velocity = without(recording.velocity, self.windows_in(recording))
+        velocity = without(velocity_of(recording, "velocity_outage"), self.windows_in(recording))
         return replace(self.announced_in(recording), velocity=velocity)
 
 

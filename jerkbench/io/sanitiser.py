@@ -67,13 +67,10 @@ back."""
 
 def require_origin(owner: str, origin: tuple[float, ...]) -> None:
     """Raise a PluginError if ``origin`` is not empty and not a position on Earth."""
-    if len(origin) not in (0, 3):
+    if origin and (len(origin) != 3 or np.isnan(origin).any() or off_earth(np.array([origin]), "geodetic").any()):
+        wrong = f"{origin}, which is not on Earth" if len(origin) == 3 else f"{origin}"
         raise PluginError(
-            f"{owner}: origin is {origin}; give latitude [deg], longitude [deg] and height [m], or leave origin empty."
-        )
-    if origin and (np.isnan(origin).any() or off_earth(np.array([origin]), "geodetic").any()):
-        raise PluginError(
-            f"{owner}: origin is {origin}, which is not on Earth; give latitude [deg], longitude [deg] and height [m]."
+            f"{owner}: origin is {wrong}; give latitude [deg], longitude [deg] and height [m], or leave origin empty."
         )
 
 

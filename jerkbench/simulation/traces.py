@@ -14,10 +14,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from jerkbench.arrays import BoolArray, FloatArray, frozen, linear_at, require, require_times
+from jerkbench.arrays import BoolArray, FloatArray, linear_at, require, require_times
 from jerkbench.errors import RecordingError, unknown
 from jerkbench.files import write_atomically
-from jerkbench.recording import Recording, Reference
+from jerkbench.recording import Recording, Reference, freeze
 
 _MIN_ROWS = 10
 """Minimum number of fixes of a trace. Distribution and correlation cannot be estimated from fewer fixes."""
@@ -64,8 +64,7 @@ class Trace:
         m = len(self.t_s)
         if m < _MIN_ROWS:
             raise RecordingError(f"A trace needs at least {_MIN_ROWS} fixes, but this one has {m}.")
-        for name, shape in {"t_s": (m,), "error_m": (m, 3), "covariance_m2": (m, 3, 3)}.items():
-            object.__setattr__(self, name, frozen(self, name, getattr(self, name), shape))
+        freeze(self, t_s=(m,), error_m=(m, 3), covariance_m2=(m, 3, 3))
         require_times(self, self.t_s)
         require(np.isfinite(self.error_m).all(axis=1), self, "error_m", "the error is not finite")
         smallest = np.linalg.eigvalsh(self.covariance_m2)[:, 0]
