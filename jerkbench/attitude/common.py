@@ -281,9 +281,8 @@ class TiltAndYaw(Limited, ABC):
             RecordingError: the recording does not have the requested yaw source.
         """
         imu, sigma_min_rad = recording.inertial, self.course_sigma_min_rad
-        headings = select_headings(
-            recording, self.yaw_source, self.course_min_speed_mps, sigma_min_rad
-        )  # before the filter loop, because an invalid yaw source raises an error
+        # before the filter loop, because an invalid yaw source raises an error
+        headings = select_headings(recording, self.yaw_source, self.course_min_speed_mps, sigma_min_rad)
         x, triggered = self.verticals(recording)
         roll, pitch = roll_pitch(x)
         yaw = estimate_yaw(imu, roll, pitch, headings, self.yaw_walk_rad_per_sqrt_s, sigma_min_rad)

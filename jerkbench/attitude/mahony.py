@@ -12,6 +12,7 @@ from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
+PROPORTIONAL_PER_S_RANGE = Range(1e-4, 3.0, log=True, source="ours: time constants from 0.3 s to 3 h")
 PROPORTIONAL_PER_S_ORIGIN = DefaultOrigin("literature: 1 in the paper")
 INTEGRAL_PER_S2_RANGE = Range(1e-6, 0.3, log=True, source="ours: from a bias estimated over an hour to the paper")
 INTEGRAL_PER_S2_ORIGIN = DefaultOrigin("literature: 0.3 in the paper")
@@ -42,12 +43,7 @@ class Mahony(TiltAndYaw):
 
     name: ClassVar[str] = "mahony"
 
-    proportional_per_s: Annotated[
-        float,
-        NOT_NEGATIVE,
-        Range(1e-4, 3.0, log=True, source="ours: time constants from 0.3 s to 3 h"),
-        PROPORTIONAL_PER_S_ORIGIN,
-    ] = 1.0
+    proportional_per_s: Annotated[float, NOT_NEGATIVE, PROPORTIONAL_PER_S_RANGE, PROPORTIONAL_PER_S_ORIGIN] = 1.0
     integral_per_s2: Annotated[float, NOT_NEGATIVE, INTEGRAL_PER_S2_RANGE, INTEGRAL_PER_S2_ORIGIN] = 0.3
 
     def verticals(self, recording: Recording) -> Verticals:

@@ -208,9 +208,8 @@ class RandomDrive:
         random = stream(seed, "random_drive", "faults")
         count = random.choice(len(self.fault_shares), p=self.fault_shares)
         kinds = sorted(random.permutation(len(self.faults))[:count])
-        faults = {
-            kind: _values(seed, kind, distributions) for kind, *distributions in (self.faults[index] for index in kinds)
-        }
+        chosen = (self.faults[index] for index in kinds)
+        faults = {kind: _values(seed, kind, distributions) for kind, *distributions in chosen}
         return base, _values(seed, "", self.drive), faults
 
     def columns(self, seed: int) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -210,25 +210,6 @@ def find_odometry(bag: Bag, namespace: str) -> Topic:
     )
 
 
-def plan_topics(bag: Bag, namespace: str, imu: str, gnss: str, *, velocity: bool, heading: bool) -> TopicPlan:
-    """Return the topics of IMU, position, velocity, heading and reference, with notes about the version of the driver.
-
-    Raises:
-        RecordingError: the topic of the odometry, of the IMU or of the positions is missing.
-    """
-    odometry = find_odometry(bag, namespace).name
-    space = odometry.rsplit("/", 1)[0]
-    topics: dict[Role, str] = {"imu": _require_topic(bag, space, imu, IMU, "imu")}
-    notes: tuple[str, ...] = ()
-    if not _has(bag, f"{space}/{gnss}") and _has(bag, f"{space}/{FUSED_FIX}"):
-        fused = f"positions are {space}/{FUSED_FIX}, the sensor's fusion, the same as the reference."
-        notes, gnss = (f"The driver published no {space}/{gnss} (older than 6.1): {fused}",), FUSED_FIX
-    topics["position"] = _require_topic(bag, space, gnss, FIX, "gnss")
-    fused_roles: dict[Role, bool] = {"velocity": velocity, "heading": heading, "reference": True}
-    topics |= {role: odometry for role, wanted in fused_roles.items() if wanted}
-    return TopicPlan(topics, notes)
-
-
 def _require_topic(bag: Bag, space: str, name: str, msgtype: str, parameter: str) -> str:
     """Return the name ``space/name`` of a topic that has messages.
 
@@ -246,10 +227,6 @@ def _require_topic(bag: Bag, space: str, name: str, msgtype: str, parameter: str
 
 def _has(bag: Bag, name: str) -> bool:
     return any(topic.name == name and topic.count for topic in bag.topics)
-
-
-_VELOCITIES = ("none", "odometry")
-HEADINGS = ("none", "odometry")
 
 
 @register("dataset", "fixposition")
@@ -287,12 +264,23 @@ class Fixposition(BagDataset):
 
     def __post_init__(self) -> None:
         self.check_options()
-        for name, available in (("velocity", _VELOCITIES), ("heading", HEADINGS)):
-            require_known(f"{name} of fixposition", getattr(self, name), available)
+        for name in ("velocity", "heading"):
+            require_known(f"{name} of fixposition", getattr(self, name), ("none", "odometry"))
 
     def plan(self, bag: Bag) -> TopicPlan:
-        """Return the topics of the Fixposition driver, and their frames."""
-        velocity, heading = self.velocity == "odometry", self.heading == "odometry"
-        plan = plan_topics(bag, self.namespace, self.imu, self.gnss, velocity=velocity, heading=heading)
-        source = f"the sensor's own fusion ({plan.topics['reference']})"
-        return replace(plan, covariance_order=self.covariance_order, reference_frame="ecef", reference_source=source)
+        """Return the topics of the Fixposition driver, their frames, and a note if the driver is old.
+
+        Raises:
+            RecordingError: the topic of the odometry, of the IMU or of the positions is missing.
+        """
+        odometry, gnss = find_odometry(bag, self.namespace).name, self.gnss
+        space, notes = odometry.rsplit("/", 1)[0], []
+        topics: dict[Role, str] = {"imu": _require_topic(bag, space, self.imu, IMU, "imu")}
+        if not _has(bag, f"{space}/{gnss}") and _has(bag, f"{space}/{FUSED_FIX}"):
+            fused = f"positions are {space}/{FUSED_FIX}, the sensor's fusion, the same as the reference."
+            notes, gnss = [f"The driver published no {space}/{gnss} (older than 6.1): {fused}"], FUSED_FIX
+        topics["position"] = _require_topic(bag, space, gnss, FIX, "gnss")
+        sources: dict[Role, str] = {"velocity": self.velocity, "heading": self.heading, "reference": "odometry"}
+        topics |= {role: odometry for role, source in sources.items() if source == "odometry"}
+        source, order = f"the sensor's own fusion ({odometry})", self.covariance_order
+        return TopicPlan(topics, tuple(notes), order, reference_frame="ecef", reference_source=source)

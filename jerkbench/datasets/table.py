@@ -419,6 +419,7 @@ class Tables(FromFiles, TimedColumns):
         if self.reference_position:
             stream, places = self._placed(source, self.reference_position, frame, stream)
             origin = origin or origin_of(places, frame)
+        mps = axes_in_enu(stream.numbers(moving), self.reference_velocity_frame or frame) if moving else None
         local, body = self.attitude_frame or frame, self.reference_body
         angles = self.reference_attitude, self.attitude_unit, local, body, self.imu_axes
         reference = Reference(
@@ -426,9 +427,7 @@ class Tables(FromFiles, TimedColumns):
             self.reference_source,
             self.reference_independent,
             enu_m=None if places is None else in_enu(places, frame, origin) + self.reference_offset_m,
-            velocity_mps=axes_in_enu(stream.numbers(moving), self.reference_velocity_frame or frame)
-            if moving
-            else None,
+            velocity_mps=mps,
             euler_rad=read_attitude(stream, *angles),
         )
         sigma_m = self._reference_sigma(stream)

@@ -455,9 +455,8 @@ def pattern_of(names: Sequence[str]) -> str:
     if len({len(split) for split in parts}) == 1:
         differing = [k for k, column in enumerate(zip(*parts, strict=True)) if len(set(column)) > 1]
         pattern = "".join(SEED if k in differing else part for k, part in enumerate(parts[0]))
-        numbers = [
-            split[differing[0]] for split in parts if split[differing[0]].isdigit()
-        ]  # names with leading zeros fail the comparison below
+        # names with leading zeros fail the comparison of the pattern with the names
+        numbers = [split[differing[0]] for split in parts if split[differing[0]].isdigit()]
         if pattern.count(SEED) == 1 and {pattern.replace(SEED, str(int(n))) for n in numbers} == set(names):
             return pattern
     raise RecordingError(
