@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray, nearest_rows
+from jerkbench.arrays import FloatArray, nearest_rows
 from jerkbench.disturbances.common import (
     DEVIATION,
     FROM_0_TO_1,
@@ -130,19 +130,16 @@ class Dropout(DrawnFault):
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording without randomly selected IMU samples; ``seed`` determines the selection."""
-        imu = recording.inertial
-        present = ~self._missing(len(imu.t_s), seed)
-        present[[0, -1]] = True
-        return replace(recording, imu=Imu(imu.t_s[present], imu.accel_mps2[present], imu.gyro_radps[present]))
-
-    def _missing(self, n: int, seed: int) -> BoolArray:
-        random = fault_stream(seed, "dropout", self.stream)
+        imu, random = recording.inertial, fault_stream(seed, "dropout", self.stream)
+        n = len(imu.t_s)
         starts = np.flatnonzero(random.uniform(size=n) < self.probability)
         lengths = random.integers(1, self.longest + 1, size=n)[starts]
         depth = np.zeros(n + self.longest, dtype=np.int64)  # number of gaps that start minus number of gaps that end
         np.add.at(depth, starts, 1)
         np.add.at(depth, starts + lengths, -1)
-        return np.asarray(np.cumsum(depth)[:n] > 0)
+        present = np.cumsum(depth)[:n] <= 0
+        present[[0, -1]] = True
+        return replace(recording, imu=Imu(imu.t_s[present], imu.accel_mps2[present], imu.gyro_radps[present]))
 
 
 @register("disturbance", "wheel_slip")

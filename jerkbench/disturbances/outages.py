@@ -373,13 +373,10 @@ class ScoreMoving(Unphased):
         if self.fix_s:
             fix_s = fixes_of(recording, "which fix_s needs; set score_moving.fix_s to 0.").t_s
             counts &= np.abs(fix_s[nearest_rows(fix_s, reference.t_s)] - reference.t_s) <= self.fix_s
-        return replace(recording, reference=replace(reference, scored=self._thinned(reference.t_s, counts)))
-
-    def _thinned(self, t_s: FloatArray, counts: BoolArray) -> BoolArray:
-        """Return a mask (k,) of the first stamp in each interval of 1/``rate_hz`` for which ``counts`` is true."""
         rows = np.flatnonzero(counts)
-        _, first = np.unique(np.floor(t_s[rows] * self.rate_hz + 1e-6), return_index=True)
-        return np.isin(np.arange(len(t_s)), rows[first])
+        _, first = np.unique(np.floor(reference.t_s[rows] * self.rate_hz + 1e-6), return_index=True)
+        scored = np.isin(np.arange(len(counts)), rows[first])
+        return replace(recording, reference=replace(reference, scored=scored))
 
 
 def horizontal_speed(reference: Reference, name: str) -> FloatArray:

@@ -155,7 +155,6 @@ def read_attitude(
     return euler_rad
 
 
-EPOCHS = ("gps", "none", "unix")
 COVARIANCE_FRAMES = ("enu", "ned", "ecef")
 
 _STREAMS = ("position", "velocity", "reference")
@@ -172,7 +171,7 @@ CHOICES = {
     "reference_height_unit": ("", *HEIGHT_UNITS),
     "reference_velocity_frame": ("", "enu", "ned"),
     "velocity_unit": tuple(SPEED_UNITS),
-    "epoch": EPOCHS,
+    "epoch": ("gps", "none", "unix"),
     "attitude_frame": ("", "enu", "ned"),
     **dict.fromkeys(("position_frame", "reference_frame"), FRAMES),
     "position_covariance_frame": COVARIANCE_FRAMES,

@@ -57,8 +57,7 @@ def read_lines(path: Path) -> list[Line]:
     Raises:
         RecordingError: the file does not exist, cannot be read, or is empty.
     """
-    require_content(path)
-    text = path.read_bytes().decode("ascii", errors="replace")
+    text = read_bytes(path).decode("ascii", errors="replace")
     return [(number, line) for number, line in enumerate(text.split("\n"), start=1) if line.strip()]
 
 

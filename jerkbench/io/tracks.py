@@ -22,7 +22,7 @@ from jerkbench.geometry import ecef_to_geodetic, ecef_to_origin, enu_axes
 from jerkbench.io.columns import Columns, times_ns
 from jerkbench.io.conversions import GPS_EPOCH_NS, GPST_MINUS_UTC_S, SPEED_UNITS, calendar_ns, ns_since_1970
 from jerkbench.io.sanitiser import MAX_DATE_NS, possible_rows
-from jerkbench.io.text import Line, TextFormat, is_number, read_bytes, read_lines, read_text, require_content
+from jerkbench.io.text import Line, TextFormat, is_number, read_bytes, read_lines, read_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -211,8 +211,7 @@ def read_gpx(path: Path) -> "TrackTable":
     Raises:
         RecordingError: the file is missing or damaged, or no point has a time.
     """
-    require_content(path)
-    if b"<!ENTITY" in path.read_bytes():
+    if b"<!ENTITY" in read_bytes(path):
         raise RecordingError(f"{path} has XML entities, which are not allowed in tracks; remove the entities.")
     rows = []
     try:
