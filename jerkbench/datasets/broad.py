@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import best_rotation, dcm_from_euler, euler_from_quaternion, roll_pitch
+from jerkbench.io.columns import TextFormat
 from jerkbench.io.conversions import calibrated_at_rest
-from jerkbench.io.files import FromFiles, named_folder
+from jerkbench.io.files import FromFiles, named_folder, require_content
 from jerkbench.io.readers import read_columns, stored_array
-from jerkbench.io.sanitiser import unit_quaternions
-from jerkbench.io.text import TextFormat, require_content, require_possible
+from jerkbench.io.sanitiser import require_possible, unit_quaternions
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Imu, Recording, Reference
 

@@ -11,9 +11,8 @@ from jerkbench.arrays import FloatArray, require_positive
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import ecef_to_enu, enu_axes, euler_from_dcm, wrap_angle
 from jerkbench.io.conversions import UNIX_EPOCH, body_from_sensor, in_enu
-from jerkbench.io.files import NO_ARRAY, FromFiles, named_folder
-from jerkbench.io.sanitiser import possible_rows, steady_rows
-from jerkbench.io.text import MAX_NUMBER, require_content, require_possible
+from jerkbench.io.files import NO_ARRAY, FromFiles, named_folder, require_content
+from jerkbench.io.sanitiser import MAX_NUMBER, possible_rows, require_possible, steady_rows
 from jerkbench.plugins import register
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray, require_choices, require_lengths
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.io.columns import Columns
+from jerkbench.io.columns import Columns, TextFormat
 from jerkbench.io.conversions import (
     ACCEL_UNITS,
     GPST_MINUS_UTC_S,
@@ -21,11 +21,10 @@ from jerkbench.io.conversions import (
     utc_of,
     velocity_when_true,
 )
-from jerkbench.io.files import FromFiles, find_file, named_folder
+from jerkbench.io.files import FromFiles, find_file, named_folder, read_bytes
 from jerkbench.io.readers import read_columns
 from jerkbench.io.sanitiser import imu_in_body, possible_rows, steady_rows, with_common_time
 from jerkbench.io.table import accepted, covariances_of, without_cut_times
-from jerkbench.io.text import TextFormat, read_bytes
 from jerkbench.io.tracks import (
     POS_COVARIANCE,
     POS_POSITION,

@@ -43,10 +43,9 @@ from jerkbench.inspection.guesses import (
 )
 from jerkbench.inspection.lags import CLOCK_CORRELATION, SHIFT_PARAMETERS, all_lags
 from jerkbench.inspection.noise import longest_rest
-from jerkbench.io.columns import MAX_NANOSECONDS, Columns
+from jerkbench.io.columns import MAX_NANOSECONDS, Columns, TextFormat
 from jerkbench.io.conversions import GPST_MINUS_UTC_S, SPEED_UNITS
 from jerkbench.io.readers import SOLUTION, read_columns
-from jerkbench.io.text import TextFormat
 from jerkbench.io.tracks import track_reader
 from jerkbench.recording import Recording
 

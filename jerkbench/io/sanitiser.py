@@ -11,8 +11,10 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import ecef_to_geodetic
 from jerkbench.io.conversions import ACCEL_UNITS, GYRO_UNITS, axes_to_judge, gravity_notes
-from jerkbench.io.text import require_possible
 from jerkbench.recording import Imu, Recording
+
+MAX_NUMBER = 1e15
+"""Maximum plausible measurement on a vehicle. A larger value is damaged and may overflow when it is squared."""
 
 MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90.0, 360.0
 MIN_HEIGHT_M, MAX_HEIGHT_M = -1000.0, 20_000.0
@@ -214,6 +216,19 @@ def held_rows(values: FloatArray) -> BoolArray:
     run = np.cumsum(new) - 1
     since = np.arange(n) - starts[run]
     return np.asarray((since % period != 0) | ((since != 0) & (lengths[run] - since < period / 2)))
+
+
+def require_possible(where: str, values: FloatArray, most: float = MAX_NUMBER) -> None:
+    """Check that no absolute value exceeds ``most``. NaN is allowed.
+
+    Raises:
+        RecordingError: an absolute value exceeds ``most``. The error message names ``where`` and the first row with
+            such a value.
+    """
+    beyond = np.abs(values.reshape(len(values), -1)) > most
+    if beyond.any():
+        row = int(np.argmax(beyond.any(axis=1)))
+        raise RecordingError(f"{where}, row {row + 1} has a value beyond {most:g}; it is damaged or in another unit.")
 
 
 def beyond(values: FloatArray, most: float) -> BoolArray:

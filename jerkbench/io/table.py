@@ -12,7 +12,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray, positive_definite, require_lengths
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, enu_axes, euler_from_dcm
-from jerkbench.io.columns import TIME_UNITS, Columns, times_ns
+from jerkbench.io.columns import TIME_UNITS, Columns, TextFormat, cut_note, times_ns
 from jerkbench.io.conversions import (
     ACCEL_UNITS,
     ANGLE_UNITS,
@@ -32,7 +32,6 @@ from jerkbench.io.conversions import (
 from jerkbench.io.files import find_files, named_folder
 from jerkbench.io.readers import SOLUTION, read_columns
 from jerkbench.io.sanitiser import MIN_DATE_NS, drop_notes, possible_rows
-from jerkbench.io.text import TextFormat, cut_note
 from jerkbench.io.tracks import POS_COVARIANCE, POS_POSITION, POS_VELOCITY, POS_VELOCITY_COVARIANCE
 from jerkbench.recording import Origin, Reference
 

@@ -19,10 +19,10 @@ import numpy as np
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import ecef_to_geodetic, ecef_to_origin, enu_axes
-from jerkbench.io.columns import Columns, times_ns
+from jerkbench.io.columns import Columns, TextFormat, read_text, times_ns
 from jerkbench.io.conversions import GPS_EPOCH_NS, GPST_MINUS_UTC_S, SPEED_UNITS, calendar_ns, ns_since_1970
+from jerkbench.io.files import Line, is_number, read_bytes, read_lines
 from jerkbench.io.sanitiser import MAX_DATE_NS, possible_rows
-from jerkbench.io.text import Line, TextFormat, is_number, read_bytes, read_lines, read_text
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -16,7 +16,7 @@ from jerkbench.estimate import Estimate
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
 from jerkbench.io.bag import ODOMETRY, POSE, POSE_COVARIANCE, Messages, open_bag
 from jerkbench.io.bag_writing import SOMETIME
-from jerkbench.io.columns import TIME_UNITS, Columns, times_ns
+from jerkbench.io.columns import TIME_UNITS, Columns, TextFormat, times_ns
 from jerkbench.io.conversions import (
     ANGLE_UNITS,
     FRAMES,
@@ -33,7 +33,6 @@ from jerkbench.io.conversions import (
 from jerkbench.io.readers import read_columns
 from jerkbench.io.sanitiser import OFF_EARTH, off_earth, require_fractions
 from jerkbench.io.table import read_attitude
-from jerkbench.io.text import TextFormat
 from jerkbench.io.writing import POSITIONS, VELOCITIES
 from jerkbench.recording import Recording
 

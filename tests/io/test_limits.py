@@ -22,9 +22,9 @@ from jerkbench.inspection.evidence import common_edges
 from jerkbench.inspection.facts import facts_text
 from jerkbench.inspection.guesses import guess_time_unit
 from jerkbench.inspection.receiver import receiver_errors
+from jerkbench.io.columns import TextFormat
 from jerkbench.io.readers import read_columns
 from jerkbench.io.sanitiser import off_earth
-from jerkbench.io.text import TextFormat
 from jerkbench.io.tracks import _POS_HEADER
 from jerkbench.jobs.preflight import reason_of
 from jerkbench.recording import Imu, Position, Recording, Reference

@@ -5,8 +5,8 @@ import pymap3d
 import pytest
 
 from jerkbench.errors import RecordingError
+from jerkbench.io.columns import TextFormat
 from jerkbench.io.readers import read_columns
-from jerkbench.io.text import TextFormat
 from jerkbench.io.tracks import (
     _POS_HEADER,
     POS_COVARIANCE,
