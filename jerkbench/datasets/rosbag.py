@@ -182,7 +182,6 @@ def _guessed_topic(quantity: str, topic: Topic, why: str, candidates: list[Topic
 ODOMETRIES = ("odometry_ecef", "odometry")
 """Last part of the name of the topic with the fusion in ECEF: for drivers from 6.2 on, and for older drivers."""
 
-_IMUS = ("poiimu", "corrimu", "rawimu")
 FUSED_FIX = "navsatfix"
 """Last part of the name of the topic with positions for drivers before 6.1, which publish only the fused position."""
 

@@ -218,16 +218,14 @@ def held_rows(values: FloatArray) -> BoolArray:
     return np.asarray((since % period != 0) | ((since != 0) & (lengths[run] - since < period / 2)))
 
 
-def require_possible(where: str, values: FloatArray, most: float = MAX_NUMBER) -> None:
+def require_possible(where: str, values: FloatArray, most: float) -> None:
     """Check that no absolute value exceeds ``most``. NaN is allowed.
 
     Raises:
         RecordingError: an absolute value exceeds ``most``. The error message names ``where`` and the first row with
             such a value.
     """
-    beyond = np.abs(values.reshape(len(values), -1)) > most
-    if beyond.any():
-        row = int(np.argmax(beyond.any(axis=1)))
+    for row in np.flatnonzero(beyond(values.reshape(len(values), -1), most)):
         raise RecordingError(f"{where}, row {row + 1} has a value beyond {most:g}; it is damaged or in another unit.")
 
 

@@ -24,7 +24,6 @@ from jerkbench.timeline import nanoseconds
 if TYPE_CHECKING:
     import pandas as pd
 
-_COORDINATES = ("enu", "geodetic", "ned")
 POSITIONS = {
     "enu": ("east_m", "north_m", "up_m"),
     "ned": ("north_m", "east_m", "down_m"),

@@ -369,7 +369,10 @@ class Sensors:
 
     def _imu(self, truth: Truth, seed: int, false_mps2: FloatArray | None) -> Imu:
         force, gyro = perfect_imu(truth)
-        accel_errors, gyro_errors = self._sensor_errors()
+        accel_errors, gyro_errors = SensorErrors(self.accel_sigma_mps2), SensorErrors(self.gyro_sigma_radps)
+        if self.imu != "per_sample":
+            grade = GRADES[self.imu]
+            accel_errors, gyro_errors = grade.accelerometer(self.imu_rate_hz), grade.gyro(self.imu_rate_hz)
         if self._on("accelerometer"):
             force = with_sensor_errors(force, accel_errors, 1.0 / self.imu_rate_hz, seed, "accelerometer")
         if self._on("gyro"):
@@ -382,12 +385,6 @@ class Sensors:
 
     def _on(self, sensor: str) -> bool:
         return self.noise and sensor not in self.silent
-
-    def _sensor_errors(self) -> tuple[SensorErrors, SensorErrors]:
-        if self.imu == "per_sample":
-            return SensorErrors(self.accel_sigma_mps2), SensorErrors(self.gyro_sigma_radps)
-        grade = GRADES[self.imu]
-        return grade.accelerometer(self.imu_rate_hz), grade.gyro(self.imu_rate_hz)
 
     def _drawn(self, imu: Imu, position: Position, velocity: Velocity) -> ErrorModel | None:
         """Return the distribution of the measurement errors, or None if an `ErrorModel` cannot describe it."""
