@@ -14,8 +14,6 @@ from jerkbench.recording import Heading, Position, Recording, Reference, Velocit
 
 FROM_0_TO_1 = Limit(lambda p: 0 <= p <= 1, "it must be from 0 to 1.")
 OFFSET = Limit(lambda size: 0 <= size < np.inf, "give 0 m or more, or null.")
-DEVIATION = Limit(lambda sigma: 0 <= sigma < np.inf, "a standard deviation must be 0 or more.")
-CORRELATION_TIME = Limit(lambda time: 0 < time < np.inf, "a correlation time must be positive.")
 
 
 class Unphased(Limited):

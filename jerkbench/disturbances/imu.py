@@ -7,7 +7,6 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, nearest_rows
 from jerkbench.disturbances.common import (
-    DEVIATION,
     FROM_0_TO_1,
     DrawnFault,
     RegularWindows,
@@ -18,7 +17,7 @@ from jerkbench.disturbances.common import (
     velocity_of,
 )
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.parameters import Limit
+from jerkbench.parameters import NOT_NEGATIVE, Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Imu, Recording, Reference, Velocity
 from jerkbench.simulation.motion import harmonics
@@ -44,8 +43,8 @@ class ImuBias(DrawnFault):
         stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
-    accel_mps2: Annotated[float, DEVIATION] = 0.08
-    gyro_radps: Annotated[float, DEVIATION] = 0.002
+    accel_mps2: Annotated[float, NOT_NEGATIVE] = 0.08
+    gyro_radps: Annotated[float, NOT_NEGATIVE] = 0.002
     stream: str = ""
 
     def apply(self, recording: Recording, seed: int) -> Recording:
@@ -83,8 +82,8 @@ class ImuVibration(DrawnFault):
         stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
-    accel_mps2: Annotated[float, DEVIATION] = 1.0
-    gyro_radps: Annotated[float, DEVIATION] = 0.01
+    accel_mps2: Annotated[float, NOT_NEGATIVE] = 1.0
+    gyro_radps: Annotated[float, NOT_NEGATIVE] = 0.01
     lowest_hz: float = 8.0
     highest_hz: float = 35.0
     stream: str = ""

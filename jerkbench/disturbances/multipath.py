@@ -8,7 +8,6 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.disturbances.common import (
-    CORRELATION_TIME,
     OFFSET,
     DrawnFault,
     RegularWindows,
@@ -21,7 +20,7 @@ from jerkbench.disturbances.common import (
     with_errors,
 )
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.parameters import Limit
+from jerkbench.parameters import ABOVE_ZERO, NOT_NEGATIVE, Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.simulation.sensors import gauss_markov
@@ -166,8 +165,8 @@ class RtkFloat(RegularWindows):
 
     windows_s: WindowTimes = ((30.0, 60.0), (95.0, 120.0))
     sigma_m: tuple[float, ...] = (0.25, 0.25, 0.5)
-    factor: Annotated[float, Limit(lambda k: 0 <= k < np.inf, "give 0 or more.")] = 1.0
-    time_s: Annotated[float, CORRELATION_TIME] = 15.0
+    factor: Annotated[float, NOT_NEGATIVE] = 1.0
+    time_s: Annotated[float, ABOVE_ZERO] = 15.0
     stream: str = ""
 
     def __post_init__(self) -> None:

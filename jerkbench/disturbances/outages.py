@@ -20,7 +20,7 @@ from jerkbench.disturbances.common import (
     without,
 )
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.parameters import Limit
+from jerkbench.parameters import ABOVE_ZERO, NOT_NEGATIVE, Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference, Velocity
 from jerkbench.timeline import nanoseconds
@@ -335,8 +335,6 @@ def _reference(reference: Reference, position: Position, withheld: BoolArray) ->
 HALF_S = 0.5
 """Half of the interval over which the speed of the reference is computed [s]."""
 
-NOT_BELOW_0 = Limit(lambda value: 0 <= value < np.inf, "it must be 0 or more.")
-
 SPEED_GAP_S = 1.5
 """Maximum interval between stamps of the reference over which its speed is computed [s]."""
 
@@ -358,9 +356,9 @@ class ScoreMoving(Unphased):
         fix_s: maximum time between a scored stamp and the nearest fix [s], or 0 to score errors in gaps of fixes too.
     """
 
-    rate_hz: Annotated[float, Limit(lambda rate: 0 < rate < np.inf, "it must be positive.")] = 1.0
-    slowest_mps: Annotated[float, NOT_BELOW_0] = 0.5
-    fix_s: Annotated[float, NOT_BELOW_0] = 0.0
+    rate_hz: Annotated[float, ABOVE_ZERO] = 1.0
+    slowest_mps: Annotated[float, NOT_NEGATIVE] = 0.5
+    fix_s: Annotated[float, NOT_NEGATIVE] = 0.0
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with fewer scored stamps of the reference. The seed has no effect.

@@ -13,7 +13,7 @@ from jerkbench.disturbances.common import (
     rows_of,
 )
 from jerkbench.io.files import fingerprint
-from jerkbench.parameters import Limit
+from jerkbench.parameters import ABOVE_ZERO, Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference
 from jerkbench.simulation.traces import SHIPPED, Trace, read_trace, trace_path
@@ -58,10 +58,10 @@ class ReplayedGnss(DrawnFault):
     """
 
     trace: str = "tokyo_1105"
-    scale: Annotated[float, Limit(lambda s: 0 < s < np.inf, "it must be positive.")] = 1.0
+    scale: Annotated[float, ABOVE_ZERO] = 1.0
     start_s: Annotated[float | None, Limit(np.isfinite, "give a time in the trace, or null.")] = None
     rotate: bool = True
-    moment_s: Annotated[float, Limit(lambda s: 0 < s < np.inf, "it must be above 0 s.")] = 10.0
+    moment_s: Annotated[float, ABOVE_ZERO] = 10.0
     stream: str = ""
 
     def __post_init__(self) -> None:
