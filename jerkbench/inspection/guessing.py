@@ -18,12 +18,7 @@ from jerkbench.datasets.table import Tables
 from jerkbench.errors import RecordingError
 from jerkbench.inspection.guesses import (
     Guess,
-    Name,
-    Triple,
     Value,
-    accel_columns,
-    common_unit,
-    covariance_columns,
     guess_accel_unit,
     guess_angle_unit,
     guess_forward,
@@ -32,17 +27,24 @@ from jerkbench.inspection.guesses import (
     guess_time_unit,
     guess_upright,
     guess_velocity_frame,
-    gyro_columns,
     is_date,
-    parse_name,
-    position_columns,
-    sigma_of,
     turns_with_gyro,
-    velocity_columns,
-    with_meaning,
 )
 from jerkbench.inspection.lags import CLOCK_CORRELATION, SHIFT_PARAMETERS, all_lags
 from jerkbench.inspection.noise import longest_rest
+from jerkbench.io.column_names import (
+    Name,
+    Triple,
+    accel_columns,
+    common_unit,
+    covariance_columns,
+    gyro_columns,
+    parse_name,
+    position_columns,
+    sigma_of,
+    velocity_columns,
+    with_meaning,
+)
 from jerkbench.io.columns import MAX_NANOSECONDS, Columns, TextFormat
 from jerkbench.io.conversions import GPST_MINUS_UTC_S, SPEED_UNITS
 from jerkbench.io.readers import SOLUTION, read_columns

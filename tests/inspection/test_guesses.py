@@ -7,8 +7,8 @@ from logs import GAP_S, LATE_S, SIGMA_M, car_log, columns, kitti_like, ned_degre
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import enu_to_geodetic
-from jerkbench.inspection.guesses import parse_name
 from jerkbench.inspection.guessing import guess_tables
+from jerkbench.io.column_names import parse_name
 from jerkbench.recording import Origin
 
 RIGHT = {

@@ -7,8 +7,8 @@ from logs import FRD, car_log, columns
 
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import RecordingError
-from jerkbench.inspection.guesses import parse_name
 from jerkbench.inspection.guessing import guess_tables
+from jerkbench.io.column_names import parse_name
 
 G_MPS2 = 9.80665
 
