@@ -18,9 +18,6 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, frozen, require, require_covariances, require_times
 from jerkbench.errors import RecordingError
 
-# HTML that notebooks display.
-
-
 # The origin of the local coordinates of a recording.
 
 
@@ -368,8 +365,10 @@ class Recording:
         freeze(self, outages_s=(None, 2))
         object.__setattr__(self, "parameters", dict(self.parameters))
         require(np.diff(self.outages_s)[:, 0] > 0, self, "outages_s", "the outage does not end after its start")
-        if self.imu is None:
-            self._require_fixes()
+        if self.imu is None and (self.position is None or len(self.position.t_s) < _MIN_FIXES):
+            raise RecordingError(f"{self.name} needs an IMU or at least {_MIN_FIXES} position fixes, but has neither.")
+        if self.imu is None and self.velocity is not None and self.velocity.frame != "enu":
+            raise RecordingError(f"{self.name} has a velocity in frame '{self.velocity.frame}', which needs an IMU.")
 
     @property
     def inertial(self) -> Imu:
@@ -417,13 +416,6 @@ class Recording:
         streams = {name: getattr(self, name) for name in ("imu", "position", "velocity", "heading", "reference")}
         counts = ", ".join(f"{name} {len(stream.t_s)}" for name, stream in streams.items() if stream is not None)
         return f"Recording({self.name!r}, {self.duration_s:.2f} s: {counts})"
-
-    def _require_fixes(self) -> None:
-        """Check a recording without an IMU: two position fixes are required, and the velocity must be in ENU."""
-        if self.position is None or len(self.position.t_s) < _MIN_FIXES:
-            raise RecordingError(f"{self.name} needs an IMU or at least {_MIN_FIXES} position fixes, but has neither.")
-        if self.velocity is not None and self.velocity.frame != "enu":
-            raise RecordingError(f"{self.name} has a velocity in frame '{self.velocity.frame}', which needs an IMU.")
 
 
 # Gravity.

@@ -1,16 +1,16 @@
-"""Base class and functions of the attitude filters: initial alignment, rotation matrices, gravity compensation."""
+"""Base class and functions of the attitude filters: alignment, gravity compensation, and parts of their loops."""
 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.arrays import BoolArray, FloatArray, FloatMatrix, FloatVector
 from jerkbench.attitude.yaw import YAW_SOURCES, estimate_yaw, select_headings, yaw_remarks
 from jerkbench.compilation.compiled import Compilation, can_compile
 from jerkbench.errors import RecordingError, require_known
@@ -182,31 +182,38 @@ def attitude_from(
     return Attitude(imu.t_s, dcm, euler_rad, compensate_gravity(dcm, imu.accel_mps2, compensation), seen, yaw_sigma_rad)
 
 
-def run_samples(loop: Callable[..., None], title: str, imu: Imu, state: tuple[object, ...], *filled: Any) -> None:  # noqa: ANN401 - arrays
-    """Call ``loop``(*state, gyro, accel, intervals, *filled) once for all samples, compiled if numba is enabled.
+Verticals = tuple[FloatArray, BoolArray | None]
+"""The vertical x = Omega^T e3 (n, 3) after each sample, and a mask (n,) of detected external accelerations or None."""
 
-    With NUMBA_DISABLE_JIT=1, the loop runs as Python code and is about a hundred times slower.
+
+def run_samples(
+    loop: Callable[..., None], title: str, imu: Imu, state: tuple[object, ...], *, detects: bool
+) -> Verticals:
+    """Call ``loop`` once for all samples, compiled if numba is enabled, and return the verticals that it writes.
+
+    The arguments of the loop are ``state``, the angular rates, the specific forces, the intervals, the array of the
+    verticals, and the mask of detected external accelerations if ``detects`` is True. With NUMBA_DISABLE_JIT=1, the
+    loop runs as Python code and is about a hundred times slower.
 
     Args:
         loop: filter loop, a function that writes its results to its last arguments.
         title: name of the loop in progress messages.
         imu: IMU data that the loop processes.
         state: first arguments of the loop, the state and the parameters of the filter.
-        filled: output arrays to which the loop writes its results.
+        detects: whether the filter detects external accelerations.
     """
+    x, triggered = np.empty((len(imu.t_s), 3)), np.empty(len(imu.t_s), dtype=np.bool_)
+    filled = (x, triggered) if detects else (x,)
     samples = (np.require(a, np.float64, ["C", "W", "A"]) for a in (imu.gyro_radps, imu.accel_mps2, imu.intervals_s))
     with np.errstate(all="ignore"):
         (_compiled(loop, title) if can_compile() else loop)(*state, *samples, *filled)
+    return x, triggered if detects else None
 
 
 @cache
 def _compiled(loop: Callable[..., None], title: str) -> Callable[..., None]:
     function: Callable[..., None] = Compilation(loop, title).result()
     return function
-
-
-Verticals = tuple[FloatArray, BoolArray | None]
-"""The vertical x = Omega^T e3 (n, 3) after each sample, and a mask (n,) of detected external accelerations or None."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -274,9 +281,8 @@ class TiltAndYaw(Limited, ABC):
             RecordingError: the recording does not have the requested yaw source.
         """
         imu, sigma_min_rad = recording.inertial, self.course_sigma_min_rad
-        headings = select_headings(
-            recording, self.yaw_source, self.course_min_speed_mps, sigma_min_rad
-        )  # before the filter loop, because an invalid yaw source raises an error
+        # before the filter loop, because an invalid yaw source raises an error
+        headings = select_headings(recording, self.yaw_source, self.course_min_speed_mps, sigma_min_rad)
         x, triggered = self.verticals(recording)
         roll, pitch = roll_pitch(x)
         yaw = estimate_yaw(imu, roll, pitch, headings, self.yaw_walk_rad_per_sqrt_s, sigma_min_rad)
@@ -303,3 +309,130 @@ def set_quaternion(q: FloatArray, w: float, a: float, b: float, c: float, x: Flo
     w, a, b, c = w / length, a / length, b / length, c / length
     q[0], q[1], q[2], q[3] = w, a, b, c
     x[0], x[1], x[2] = 2.0 * (a * c - w * b), 2.0 * (w * a + b * c), 1.0 - 2.0 * (a * a + b * b)
+
+
+# The adaptive accelerometer update and the rotation matrices of `tilt` and `mekf`, as parts of their compiled loops. In
+# both filters, the accelerometer depends only on the first three states, so its measurement matrix H is (3, 3).
+
+ADAPTATIONS = ("none", "mtf", "scalar", "lee")
+"""Methods that estimate Sigma, the variance of an external acceleration."""
+
+MTF, SCALAR, LEE = 1, 2, 3
+
+
+class GravityUpdate(NamedTuple):
+    """State and buffers of the accelerometer update.
+
+    Attributes:
+        a_prev: (3,) estimated external acceleration at the previous sample [m/s2].
+        squares: (mu, 3) ring buffer of the squared innovations of the latest mu samples.
+        H: (3, 3) measurement matrix of the first three states.
+        e: (3,) innovation of the accelerometer [m/s2].
+        C0: (3,) diagonal of H P H' + N, where N is the noise variance of the accelerometer.
+        M: (3,) diagonal of N + Sigma, where Sigma is the variance of the external acceleration.
+        dx: (n,) correction of the n states.
+        K: (n,) buffer for one column of P H', which is the Kalman gain times the innovation variance.
+        memory: c_a, fraction of the external acceleration that persists until the next sample.
+        adapt: index of the adaptation method in `ADAPTATIONS`.
+    """
+
+    a_prev: FloatVector
+    squares: FloatMatrix
+    H: FloatMatrix
+    e: FloatVector
+    C0: FloatVector
+    M: FloatVector
+    dx: FloatVector
+    K: FloatVector
+    memory: float
+    adapt: int
+
+
+def gravity_update(states: int, window: int, memory: float, adapt: str) -> GravityUpdate:
+    """Return the buffers of the accelerometer update for a filter with ``states`` states; the initial H is g I."""
+    (a_prev, e, C0, M), (dx, K) = np.zeros((4, 3)), np.zeros((2, states))
+    H, which = GRAVITY_MPS2 * np.eye(3), ADAPTATIONS.index(adapt)
+    return GravityUpdate(a_prev, np.zeros((window, 3)), H, e, C0, M, dx, K, float(memory), which)
+
+
+def see_gravity(u: GravityUpdate, P: FloatArray, x: FloatArray, y: FloatArray, k: int, noise: float) -> float:
+    """Compute the innovation e = y_A - c_a a_prev - g x and C0 = diag(H P H') + N, and return e'e - tr C0.
+
+    The adaptation is triggered if the returned value is at least 0.
+    """
+    excess = 0.0
+    for i in range(3):
+        u.e[i] = y[i] - u.memory * u.a_prev[i] - GRAVITY_MPS2 * x[i]
+        u.C0[i] = noise
+        for r in range(3):
+            u.C0[i] += u.H[i, r] * (P[r, 0] * u.H[i, 0] + P[r, 1] * u.H[i, 1] + P[r, 2] * u.H[i, 2])
+        u.squares[k % len(u.squares), i] = u.e[i] ** 2
+        excess += u.e[i] ** 2 - u.C0[i]
+    return excess
+
+
+def fill_noise(u: GravityUpdate, k: int, excess: float, noise: float, factor: float) -> None:
+    """Compute the measurement covariance M = N + factor diag(Sigma) of the adaptation method.
+
+    The method determines the variance Sigma_i of the external acceleration, where w_i is the mean of the latest e_i^2::
+
+        mtf:    Sigma_i = max(0, w_i - C0_ii) if e'e >= tr C0, else 0
+        scalar: Sigma_i = (e'e - tr C0)/3 if e'e >= tr C0, else 0
+        lee:    Sigma_i = |c_a a_prev|^2/3
+    """
+    recent = min(k + 1, len(u.squares))
+    expected = u.memory**2 * (u.a_prev[0] ** 2 + u.a_prev[1] ** 2 + u.a_prev[2] ** 2)
+    for i in range(3):
+        sigma = 0.0
+        if u.adapt == MTF and excess >= 0.0:
+            for r in range(recent):
+                sigma += u.squares[r, i]
+            sigma = max(sigma / recent - u.C0[i], 0.0)
+        elif u.adapt == SCALAR and excess >= 0.0:
+            sigma = excess / 3.0
+        elif u.adapt == LEE:
+            sigma = expected / 3.0
+        u.M[i] = noise + factor * sigma
+
+
+def updating(states: int) -> Callable[[GravityUpdate, FloatArray], None]:
+    """Return the measurement update of a filter with ``states`` states: dx = K e and P = (I - K H) P."""
+
+    def update(u: GravityUpdate, P: FloatArray) -> None:
+        """Process the rows of H sequentially. No matrix inversion is necessary, because M is diagonal."""
+        u.dx[:] = 0.0
+        for i in range(3):
+            S, residual = u.M[i], u.e[i]
+            for r in range(states):
+                u.K[r] = P[r, 0] * u.H[i, 0] + P[r, 1] * u.H[i, 1] + P[r, 2] * u.H[i, 2]
+            for r in range(3):
+                S += u.H[i, r] * u.K[r]
+                residual -= u.H[i, r] * u.dx[r]
+            for r in range(states):
+                gain = u.K[r] / S
+                u.dx[r] += gain * residual
+                for s in range(r + 1):
+                    P[r, s] -= gain * u.K[s]
+                    P[s, r] = P[r, s]
+
+    return update
+
+
+def fill_rotation(C: FloatArray, t: FloatArray, scale: float, exact: bool) -> None:
+    """Write the rotation Exp(scale t) to ``C`` by Rodrigues' formula, or I + skew(scale t) if ``exact`` is false.
+
+    Rodrigues' formula contains the square of the skew matrix, skew(t)^2 = t t' - t't I.
+    """
+    a, b, c = scale * t[0], scale * t[1], scale * t[2]
+    square = a * a + b * b + c * c
+    first, second = 1.0, 0.5 if exact else 0.0
+    if exact and square > 0.0:
+        angle = math.sqrt(square)
+        first, second = math.sin(angle) / angle, 0.5 * (math.sin(angle / 2) / (angle / 2)) ** 2
+    turn = (a, b, c)
+    for i in range(3):
+        for j in range(3):
+            C[i, j] = second * (turn[i] * turn[j] - (square if i == j else 0.0)) + (1.0 if i == j else 0.0)
+    for i, j, m in ((1, 2, 0), (2, 0, 1), (0, 1, 2)):
+        C[i, j] -= first * turn[m]
+        C[j, i] += first * turn[m]

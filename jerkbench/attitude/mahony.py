@@ -12,6 +12,7 @@ from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
+PROPORTIONAL_PER_S_RANGE = Range(1e-4, 3.0, log=True, source="ours: time constants from 0.3 s to 3 h")
 PROPORTIONAL_PER_S_ORIGIN = DefaultOrigin("literature: 1 in the paper")
 INTEGRAL_PER_S2_RANGE = Range(1e-6, 0.3, log=True, source="ours: from a bias estimated over an hour to the paper")
 INTEGRAL_PER_S2_ORIGIN = DefaultOrigin("literature: 0.3 in the paper")
@@ -42,21 +43,14 @@ class Mahony(TiltAndYaw):
 
     name: ClassVar[str] = "mahony"
 
-    proportional_per_s: Annotated[
-        float,
-        NOT_NEGATIVE,
-        Range(1e-4, 3.0, log=True, source="ours: time constants from 0.3 s to 3 h"),
-        PROPORTIONAL_PER_S_ORIGIN,
-    ] = 1.0
+    proportional_per_s: Annotated[float, NOT_NEGATIVE, PROPORTIONAL_PER_S_RANGE, PROPORTIONAL_PER_S_ORIGIN] = 1.0
     integral_per_s2: Annotated[float, NOT_NEGATIVE, INTEGRAL_PER_S2_RANGE, INTEGRAL_PER_S2_ORIGIN] = 0.3
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return the vertical x = Omega^T e3 (n, 3) after each sample. The mask of detected accelerations is None."""
-        x = np.empty((len(recording.inertial.t_s), 3))
         q = quaternion_of(tilt_start(recording, alignment=self.alignment).x)
         state = q, np.zeros(3), float(self.proportional_per_s), float(self.integral_per_s2)
-        run_samples(run_mahony, "the attitude filter mahony", recording.inertial, state, x)
-        return x, None
+        return run_samples(run_mahony, "the attitude filter mahony", recording.inertial, state, detects=False)
 
 
 def run_mahony(
@@ -130,11 +124,8 @@ class Madgwick(TiltAndYaw):
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return the vertical x = Omega^T e3 (n, 3) after each sample. The mask of detected accelerations is None."""
-        x = np.empty((len(recording.inertial.t_s), 3))
-        q = quaternion_of(tilt_start(recording, alignment=self.alignment).x)
-        state = q, float(self.gain_per_s)
-        run_samples(run_madgwick, "the attitude filter madgwick", recording.inertial, state, x)
-        return x, None
+        state = quaternion_of(tilt_start(recording, alignment=self.alignment).x), float(self.gain_per_s)
+        return run_samples(run_madgwick, "the attitude filter madgwick", recording.inertial, state, detects=False)
 
 
 def run_madgwick(

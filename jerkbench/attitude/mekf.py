@@ -6,14 +6,18 @@ from typing import Annotated, ClassVar, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolVector, FloatMatrix, FloatVector
-from jerkbench.attitude.common import TiltAndYaw, TiltStart, Verticals, run_samples, tilt_start
-from jerkbench.attitude.gravity_update import (
+from jerkbench.attitude.common import (
     ADAPTATIONS,
     GravityUpdate,
+    TiltAndYaw,
+    TiltStart,
+    Verticals,
     fill_noise,
     fill_rotation,
     gravity_update,
+    run_samples,
     see_gravity,
+    tilt_start,
     updating,
 )
 from jerkbench.geometry import dcm_from_euler, roll_pitch
@@ -97,10 +101,8 @@ class Mekf(TiltAndYaw):
     def verticals(self, recording: Recording) -> Verticals:
         """Return the vertical x = Omega^T e3 (n, 3) after each sample, and a mask (n,) of external accelerations."""
         imu = recording.inertial
-        x, triggered = np.empty((len(imu.t_s), 3)), np.empty(len(imu.t_s), dtype=np.bool_)
         state = self.state(tilt_start(recording, alignment=self.alignment), imu.nominal_interval_s)
-        run_samples(run_mekf, "the attitude filter mekf", imu, (state,), x, triggered)
-        return x, triggered
+        return run_samples(run_mekf, "the attitude filter mekf", imu, (state,), detects=True)
 
     def state(self, start: TiltStart, step_s: float) -> "MekfState":
         """Return the initial state of the filter loop for a sampling interval ``step_s`` [s]."""

@@ -7,14 +7,18 @@ from typing import Annotated, ClassVar, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolVector, FloatMatrix, FloatVector
-from jerkbench.attitude.common import TiltAndYaw, TiltStart, Verticals, run_samples, tilt_start
-from jerkbench.attitude.gravity_update import (
+from jerkbench.attitude.common import (
     ADAPTATIONS,
     GravityUpdate,
+    TiltAndYaw,
+    TiltStart,
+    Verticals,
     fill_noise,
     fill_rotation,
     gravity_update,
+    run_samples,
     see_gravity,
+    tilt_start,
     updating,
 )
 from jerkbench.errors import PluginError
@@ -105,11 +109,8 @@ class Tilt(TiltAndYaw):
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return the vertical x = Omega^T e3 (n, 3) after each sample, and a mask (n,) of external accelerations."""
-        n = len(recording.inertial.t_s)
-        x, triggered = np.empty((n, 3)), np.empty(n, dtype=np.bool_)
         state = self.state(tilt_start(recording, self.initial_tilt_variance, self.alignment))
-        run_samples(run_tilt, "the tilt filter", recording.inertial, (state,), x, triggered)
-        return x, triggered
+        return run_samples(run_tilt, "the tilt filter", recording.inertial, (state,), detects=True)
 
     def state(self, start: TiltStart) -> "TiltState":
         """Return the initial state of the filter loop, with the initial tilt ``start``."""

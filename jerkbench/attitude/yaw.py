@@ -436,9 +436,7 @@ def _instead(measured: Heading | None) -> str:
 def _course(recording: Recording, min_speed_mps: float, sigma_min_rad: float) -> Heading:
     velocity = recording.velocity
     if velocity is None or velocity.frame != "enu":
-        reason = "it has no velocity"
-        if velocity is not None:
-            reason = f"its velocity is in the {velocity.frame} frame"
+        reason = "it has no velocity" if velocity is None else f"its velocity is in the {velocity.frame} frame"
         raise RecordingError(
             f"{recording.name} has no course over ground, because {reason}{_instead(recording.heading)}; use"
             " yaw_source=gyro_only or yaw_source=auto."

@@ -8,10 +8,9 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_positive
 from jerkbench.errors import RecordingError
-from jerkbench.io.columns import Columns
-from jerkbench.io.files import FromFiles, find_file
+from jerkbench.io.columns import Columns, TextFormat
+from jerkbench.io.files import FromFiles, Line, find_file, read_lines
 from jerkbench.io.readers import read_columns
-from jerkbench.io.text import Line, TextFormat, read_lines
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference, Velocity
 

@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import best_rotation, dcm_from_euler, euler_from_quaternion, roll_pitch
-from jerkbench.io.files import FromFiles, named_folder
-from jerkbench.io.frames import calibrated_at_rest
+from jerkbench.io.columns import TextFormat
+from jerkbench.io.conversions import calibrated_at_rest
+from jerkbench.io.files import FromFiles, named_folder, require_content
 from jerkbench.io.readers import read_columns, stored_array
-from jerkbench.io.sanitiser import unit_quaternions
-from jerkbench.io.text import TextFormat, require_content, require_possible
+from jerkbench.io.sanitiser import require_possible, unit_quaternions
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Imu, Recording, Reference
 
@@ -59,14 +59,17 @@ def read_broad_trial(path: Path) -> BroadTrial:
     kind = "a MATLAB file (version 5)" if path.suffix == ".mat" else "an HDF5 file"
     try:
         fields = _fields(path)
+        samples = len(np.atleast_1d(fields.get("imu_acc", ())))
+        accel, gyro, attitude, movement = (_array(path, fields, name, samples) for name in _COLUMNS)
+        rate_hz = float(np.asarray(fields.get("sampling_rate"), dtype=np.float64).item())
     except RecordingError:
         raise
     except Exception as error:  # scipy and h5py raise undocumented errors for damaged files
         reason = f"{type(error).__name__}: {error}"
         raise RecordingError(f"{path} cannot be read as {kind} ({reason}); copy the file again.") from error
-    samples = len(np.atleast_1d(fields.get("imu_acc", ())))
-    accel, gyro, attitude, movement = (_array(path, fields, name, samples) for name in _COLUMNS)
-    return BroadTrial(_rate(path, fields), accel, gyro, attitude, movement[:, 0] > 0)
+    if not 0 < rate_hz < np.inf:
+        raise RecordingError(f"{path}: sampling_rate is {fields.get('sampling_rate')}; it must be a positive number.")
+    return BroadTrial(rate_hz, accel, gyro, attitude, movement[:, 0] > 0)
 
 
 def _fields(path: Path) -> dict[str, Any]:
@@ -83,28 +86,13 @@ def _array(path: Path, fields: Mapping[str, Any], name: str, samples: int) -> Fl
     columns = _COLUMNS[name]
     if name not in fields:
         raise RecordingError(f"{path} has no field {name}; a trial of BROAD has the fields {', '.join(_COLUMNS)}.")
-    try:
-        array = np.asarray(fields[name], dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.empty(0)
-    wanted = (samples, columns)
+    array, wanted = np.asarray(fields[name], dtype=np.float64), (samples, columns)
     if array.size != samples * columns or len(array) != samples or samples < MIN_SAMPLES:
         raise RecordingError(
-            f"{path}: {name} has shape {array.shape}; it must be numeric, with the shape {wanted} and at"
-            f" least {MIN_SAMPLES} rows."
+            f"{path}: {name} has shape {array.shape}; it must be of shape {wanted}, with {MIN_SAMPLES} or more rows."
         )
     require_possible(f"{path}, {name}", array, _MAX_VALUES[name])
     return array.reshape(wanted)
-
-
-def _rate(path: Path, fields: Mapping[str, Any]) -> float:
-    try:
-        rate_hz = float(np.asarray(fields.get("sampling_rate"), dtype=np.float64).item())
-    except (TypeError, ValueError):
-        rate_hz = float("nan")
-    if not 0 < rate_hz < np.inf:
-        raise RecordingError(f"{path}: sampling_rate is {fields.get('sampling_rate')}; it must be a positive number.")
-    return rate_hz
 
 
 ENDINGS = (".hdf5", ".mat")

@@ -10,11 +10,9 @@ import numpy as np
 from jerkbench.arrays import FloatArray, require_positive
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import ecef_to_enu, enu_axes, euler_from_dcm, wrap_angle
-from jerkbench.io.clocks import UNIX_EPOCH
-from jerkbench.io.files import NO_ARRAY, FromFiles, named_folder
-from jerkbench.io.frames import body_from_sensor, in_enu
-from jerkbench.io.sanitiser import possible_rows, steady_rows
-from jerkbench.io.text import MAX_NUMBER, require_content, require_possible
+from jerkbench.io.conversions import UNIX_EPOCH, body_from_sensor, in_enu
+from jerkbench.io.files import NO_ARRAY, FromFiles, named_folder, require_content
+from jerkbench.io.sanitiser import MAX_NUMBER, possible_rows, require_possible, steady_rows
 from jerkbench.plugins import register
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
 
@@ -84,21 +82,6 @@ def read_comma_segment(folder: Path) -> CommaSegment:
             )
         arrays += read.values()
     return CommaSegment(*arrays)
-
-
-def segment_files(folder: Path) -> tuple[Path, ...]:
-    """Return the paths of all files of a segment.
-
-    Raises:
-        RecordingError: a file is missing.
-    """
-    paths = tuple(folder / group / name for group, files in _GROUPS.items() for name in files)
-    for path in paths:
-        if not path.is_file():
-            raise RecordingError(
-                f"There is no file {path}; set folder to the folder of a segment, which contains {_POSE} and {_LOG}."
-            )
-    return paths
 
 
 def _read(path: Path, columns: int, most: float) -> FloatArray:
@@ -218,8 +201,18 @@ class Comma2k19(FromFiles):
         )
 
     def paths(self) -> tuple[Path, ...]:
-        """Return the paths of all files of the segment."""
-        return segment_files(named_folder(self.folder or "fetched:comma2k19"))
+        """Return the paths of all files of the segment.
+
+        Raises:
+            RecordingError: a file is missing.
+        """
+        folder = named_folder(self.folder or "fetched:comma2k19")
+        paths = tuple(folder / group / name for group, files in _GROUPS.items() for name in files)
+        for path in (path for path in paths if not path.is_file()):
+            raise RecordingError(
+                f"There is no file {path}; set folder to the folder of a segment, which contains {_POSE} and {_LOG}."
+            )
+        return paths
 
     def _imu(self, segment: CommaSegment) -> Imu:
         turn = body_from_sensor(DEVICE_SIGNS, self.mounting_yaw_deg, self.mounting_pitch_deg)

@@ -10,10 +10,10 @@ import pandas as pd
 
 from jerkbench.arrays import FloatArray, require_not_negative, require_positive
 from jerkbench.errors import PluginError, RecordingError
+from jerkbench.io.columns import TextFormat
 from jerkbench.io.files import FromFiles, find_file, named_folder
 from jerkbench.io.readers import read_columns
 from jerkbench.io.sanitiser import require_origin
-from jerkbench.io.text import TextFormat
 from jerkbench.plugins import register
 from jerkbench.recording import Origin, Position, Recording, Reference, Velocity
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative, require_positive
 from jerkbench.errors import PluginError, RecordingError
+from jerkbench.io.columns import TextFormat
 from jerkbench.io.files import fingerprint
 from jerkbench.io.readers import read_columns
-from jerkbench.io.text import TextFormat
 from jerkbench.plugins import register
 from jerkbench.random_streams import stream
 from jerkbench.recording import Recording

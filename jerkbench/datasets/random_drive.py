@@ -17,14 +17,6 @@ from jerkbench.random_streams import stream
 from jerkbench.recording import Recording
 
 
-def _log_uniform(random: np.random.Generator, low: float, high: float) -> float:
-    return math.exp(random.uniform(math.log(low), math.log(high)))
-
-
-def _log_normal(random: np.random.Generator, median: float, sigma: float) -> float:
-    return median * math.exp(sigma * random.standard_normal())
-
-
 def _times(random: np.random.Generator, count: float, begin: float, end: float) -> tuple[float, ...]:
     return tuple(np.sort(random.uniform(begin, end, int(count))).tolist())
 
@@ -43,10 +35,6 @@ def _windows(
     return tuple(zip(begins.tolist(), (begins + lengths).tolist(), strict=True))
 
 
-def _one_of(random: np.random.Generator, *choices: str) -> str:
-    return choices[random.integers(len(choices))]
-
-
 def _scaled(other: float, *factors: float) -> float | tuple[float, ...]:
     values = tuple(factor * other for factor in factors)
     return values if len(values) > 1 else values[0]
@@ -56,8 +44,8 @@ N = r"([-+.\deE]+)"
 FORMS: Mapping[str, Callable[..., Any]] = {
     "always VALUE": lambda _, value: value,
     "uniform LOW to HIGH": lambda random, low, high: random.uniform(low, high),
-    "log_uniform LOW to HIGH": _log_uniform,
-    "log_normal MEDIAN sigma S": _log_normal,
+    "log_uniform LOW to HIGH": lambda random, low, high: math.exp(random.uniform(math.log(low), math.log(high))),
+    "log_normal MEDIAN sigma S": lambda random, median, sigma: median * math.exp(sigma * random.standard_normal()),
     "times COUNT in BEGIN to END": _times,
     "windows MIN_COUNT to MAX_COUNT of MIN_LENGTH to MAX_LENGTH in BEGIN to END": _windows,
 }
@@ -104,7 +92,8 @@ def parse_distribution(text: str) -> ParameterDistribution:
     parameter, _, written = text.partition(" ~ ")
     name, _, rest = written.partition(" ")
     if name == "one_of" and rest.split():
-        return ParameterDistribution(parameter, _one_of, rest.split())
+        choices = rest.split()
+        return ParameterDistribution(parameter, lambda random: choices[random.integers(len(choices))], ())
     for form, sampler in FORMS.items():
         if found := re.fullmatch(re.sub(_NUMBER, lambda _: N, form), written):
             return ParameterDistribution(parameter, sampler, _checked(text, form, _floats(text, found.groups())))
@@ -191,14 +180,11 @@ class RandomDrive:
                 f" fault_shares: at most {len(self.faults) + 1} numbers with the sum 1."
             )
         for kind, distributions in ("", self.drive), *((kind, distributions) for kind, *distributions in self.faults):
+            drawn = [parse_distribution(text).parameter for text in distributions]
             owners = [("dataset", base) for base in self.bases] if self._of_drive(kind) else [("disturbance", kind)]
             for owner in owners:
                 known = [f.name for f in dataclasses.fields(plugins.get(*owner))]
-                for wrong in (
-                    parse_distribution(text).parameter
-                    for text in distributions
-                    if parse_distribution(text).parameter not in known
-                ):
+                for wrong in (name for name in drawn if name not in known):
                     raise PluginError(unknown(f"parameter of {' '.join(owner)}", wrong, known))
 
     def load(self, seed: int) -> Recording:
@@ -222,9 +208,8 @@ class RandomDrive:
         random = stream(seed, "random_drive", "faults")
         count = random.choice(len(self.fault_shares), p=self.fault_shares)
         kinds = sorted(random.permutation(len(self.faults))[:count])
-        faults = {
-            kind: _values(seed, kind, distributions) for kind, *distributions in (self.faults[index] for index in kinds)
-        }
+        chosen = (self.faults[index] for index in kinds)
+        faults = {kind: _values(seed, kind, distributions) for kind, *distributions in chosen}
         return base, _values(seed, "", self.drive), faults
 
     def columns(self, seed: int) -> dict[str, float]:

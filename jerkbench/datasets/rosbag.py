@@ -1,14 +1,16 @@
 """Data sets that read ROS bags: any bag, with specified or guessed topics, and bags of a Fixposition Vision-RTK 2."""
 
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from jerkbench.arrays import require_choices
 from jerkbench.errors import RecordingError, require_known
-from jerkbench.io.bag import FIX, IMU, ODOMETRY, Bag, Topic
+from jerkbench.io.bag import FIX, IMU, ODOMETRY, TWIST_COVARIANCE, Bag, Topic
 from jerkbench.io.bag_dataset import POSE_FRAMES, VELOCITY_FRAMES, BagDataset
-from jerkbench.io.bag_topics import ROLES, Role, TopicPlan, guessed_topics, is_ecef
+from jerkbench.io.bag_topics import ROLE_FIELDS, ROLES, Role, TopicPlan, is_ecef
 from jerkbench.plugins import register
 
 
@@ -67,17 +69,112 @@ class RosBag(BagDataset):
     def plan(self, bag: Bag) -> TopicPlan:
         """Return the specified and the guessed topics, and their frames."""
         topics, notes = guessed_topics(bag, {role: getattr(self, f"{role}_topic") for role in ROLES})
-        return TopicPlan(
-            topics,
-            notes,
-            covariance_order=self.covariance_order,
-            position_frame=self.position_frame,
-            velocity_frame=self.velocity_frame,
-            reference_frame=self.reference_frame,
-            heading_source="dual_antenna" if self.heading_source == "dual_antenna" else "odometry",
-            reference_source=self.reference_source,
-            reference_independent=self.reference_independent,
-        )
+        stated = {f.name: getattr(self, f.name) for f in fields(TopicPlan) if f.name not in ("topics", "notes")}
+        return TopicPlan(topics, notes, **stated)
+
+
+# Guesses of the topic of each role of any bag.
+
+NONE = "none"
+"""Value of a topic parameter if no topic has the role."""
+
+_SAMPLE = 200
+"""Number of messages that are read to guess a role."""
+
+GRAVITY_BETWEEN_MPS2 = (5.0, 15.0)
+"""Range of the median norm of the specific force of an IMU that measures gravity."""
+
+ONE_G_WITHIN = 0.1
+"""Maximum difference between the median norm of the specific force and 1 for an IMU that measures in g."""
+
+OF_FIXPOSITION = ("/poiimu", "/odometry_ecef")
+LIKE_FIXPOSITION = (
+    "The topics have the names of a Fixposition: use dataset=fixposition, which uses the correct order of covariances"
+    " and marks the topics that are not independent."
+)
+
+_TRUTH = re.compile(r"(?:^|[/_])(?:gt|truth|ground_?truth)(?:[/_]|$)")
+"""Names of topics with a reference. Such a topic is guessed as a measurement only if there is no other topic."""
+
+
+def guessed_topics(bag: Bag, named: Mapping[Role, str]) -> tuple[dict[Role, str], tuple[str, ...]]:
+    """Return the topic of each role, and a note for each guessed topic.
+
+    The topic of the reference is never guessed as the topic of a measurement.
+
+    Args:
+        bag: the open bag.
+        named: for each role, the name of its topic, `NONE` for no topic, or an empty string to guess the topic. The
+            topics of heading and reference are never guessed.
+
+    Raises:
+        RecordingError: no IMU measures gravity, or no topic has positions.
+    """
+    topics: dict[Role, str] = {}
+    notes: list[str] = []
+    guesses = {"imu": _imu, "position": _position, "velocity": _velocity}
+    for role in ROLES:
+        name = named.get(role, "")
+        if not name and role in guesses:
+            name, why = guesses[role](bag, named.get("reference", ""))
+            notes.append(why)
+        if name not in ("", NONE):
+            topics[role] = name
+    truths = [t.name for t in bag.topics if _TRUTH.search(t.name) and t.msgtype in ROLE_FIELDS["reference"]]
+    if truths and "reference" not in topics:
+        notes.append(f"The name of {truths[0]} suggests a reference; if it is one, set reference_topic={truths[0]}.")
+    if notes and any(topic.name.endswith(OF_FIXPOSITION) for topic in bag.topics):
+        notes.append(LIKE_FIXPOSITION)
+    return topics, tuple(notes)
+
+
+def _imu(bag: Bag, _: str) -> tuple[str, str]:
+    candidates, in_g = _by_count(bag, IMU, ""), []
+    for topic in candidates:
+        force = bag.first(topic.name, "linear_acceleration", _SAMPLE)
+        with np.errstate(over="ignore"):  # damaged values may cause an overflow
+            length = float(np.median(np.linalg.norm(force, axis=1))) if len(force) else 0.0
+        if GRAVITY_BETWEEN_MPS2[0] < length < GRAVITY_BETWEEN_MPS2[1]:
+            return _guessed_topic("IMU", topic, f"it measures {length:.2f} m/s2", candidates)
+        if abs(length - 1.0) < ONE_G_WITHIN:
+            in_g.append(_guessed_topic("IMU", topic, f"it measures {length:.2f}, which is gravity in g", candidates))
+    if in_g:
+        return in_g[0]
+    names = ", ".join(topic.name for topic in candidates)
+    raise RecordingError(
+        f"{bag.path} has no IMU topic that measures gravity (IMU topics: {names or 'none'}); set imu_topic."
+    )
+
+
+def _position(bag: Bag, reference: str) -> tuple[str, str]:
+    candidates = _by_count(bag, FIX, reference)
+    for topic in candidates:
+        if (bag.read({topic.name: ROLE_FIELDS["position"][FIX]})[topic.name]["status"] >= 0).any():
+            return _guessed_topic("positions", topic, "it has fixes", candidates)
+    raise RecordingError(
+        f"{bag.path} has no topic with GNSS fixes (sensor_msgs/NavSatFix); set position_topic, for example to an"
+        f" odometry in ECEF, ENU or NED. Topics: {', '.join(f'{t.name} ({t.msgtype})' for t in bag.topics)}."
+    )
+
+
+def _velocity(bag: Bag, reference: str) -> tuple[str, str]:
+    for msgtype in (TWIST_COVARIANCE, ODOMETRY):
+        candidates = _by_count(bag, msgtype, reference)
+        for topic in candidates:
+            if bag.read({topic.name: ("linear",)})[topic.name]["linear"].any():  # some nodes leave this field at 0
+                return _guessed_topic("velocities", topic, "the most messages", candidates)
+    return NONE, "No topic gives velocities (an odometry or a twist with covariance)."
+
+
+def _by_count(bag: Bag, msgtype: str, reference: str) -> list[Topic]:
+    topics = [topic for topic in bag.topics if topic.msgtype == msgtype and topic.count and topic.name != reference]
+    return sorted(topics, key=lambda topic: (bool(_TRUTH.search(topic.name)), -topic.count))
+
+
+def _guessed_topic(quantity: str, topic: Topic, why: str, candidates: list[Topic]) -> tuple[str, str]:
+    rejected = [candidate.name for candidate in candidates if candidate is not topic]
+    more = f"; not {', '.join(rejected)}" if rejected else ""
+    return topic.name, f"Topic of the {quantity}, guessed: {topic.name} ({topic.count} messages; {why}{more})."
 
 
 # The topics of the driver of a Fixposition Vision-RTK 2, versions 4 to 8.
@@ -85,7 +182,6 @@ class RosBag(BagDataset):
 ODOMETRIES = ("odometry_ecef", "odometry")
 """Last part of the name of the topic with the fusion in ECEF: for drivers from 6.2 on, and for older drivers."""
 
-_IMUS = ("poiimu", "corrimu", "rawimu")
 FUSED_FIX = "navsatfix"
 """Last part of the name of the topic with positions for drivers before 6.1, which publish only the fused position."""
 
@@ -113,25 +209,6 @@ def find_odometry(bag: Bag, namespace: str) -> Topic:
     )
 
 
-def plan_topics(bag: Bag, namespace: str, imu: str, gnss: str, *, velocity: bool, heading: bool) -> TopicPlan:
-    """Return the topics of IMU, position, velocity, heading and reference, with notes about the version of the driver.
-
-    Raises:
-        RecordingError: the topic of the odometry, of the IMU or of the positions is missing.
-    """
-    odometry = find_odometry(bag, namespace).name
-    space = odometry.rsplit("/", 1)[0]
-    topics: dict[Role, str] = {"imu": _require_topic(bag, space, imu, IMU, "imu")}
-    notes: tuple[str, ...] = ()
-    if not _has(bag, f"{space}/{gnss}") and _has(bag, f"{space}/{FUSED_FIX}"):
-        fused = f"positions are {space}/{FUSED_FIX}, the sensor's fusion, the same as the reference."
-        notes, gnss = (f"The driver published no {space}/{gnss} (older than 6.1): {fused}",), FUSED_FIX
-    topics["position"] = _require_topic(bag, space, gnss, FIX, "gnss")
-    fused_roles: dict[Role, bool] = {"velocity": velocity, "heading": heading, "reference": True}
-    topics |= {role: odometry for role, wanted in fused_roles.items() if wanted}
-    return TopicPlan(topics, notes)
-
-
 def _require_topic(bag: Bag, space: str, name: str, msgtype: str, parameter: str) -> str:
     """Return the name ``space/name`` of a topic that has messages.
 
@@ -149,10 +226,6 @@ def _require_topic(bag: Bag, space: str, name: str, msgtype: str, parameter: str
 
 def _has(bag: Bag, name: str) -> bool:
     return any(topic.name == name and topic.count for topic in bag.topics)
-
-
-_VELOCITIES = ("none", "odometry")
-HEADINGS = ("none", "odometry")
 
 
 @register("dataset", "fixposition")
@@ -190,12 +263,23 @@ class Fixposition(BagDataset):
 
     def __post_init__(self) -> None:
         self.check_options()
-        for name, available in (("velocity", _VELOCITIES), ("heading", HEADINGS)):
-            require_known(f"{name} of fixposition", getattr(self, name), available)
+        for name in ("velocity", "heading"):
+            require_known(f"{name} of fixposition", getattr(self, name), ("none", "odometry"))
 
     def plan(self, bag: Bag) -> TopicPlan:
-        """Return the topics of the Fixposition driver, and their frames."""
-        velocity, heading = self.velocity == "odometry", self.heading == "odometry"
-        plan = plan_topics(bag, self.namespace, self.imu, self.gnss, velocity=velocity, heading=heading)
-        source = f"the sensor's own fusion ({plan.topics['reference']})"
-        return replace(plan, covariance_order=self.covariance_order, reference_frame="ecef", reference_source=source)
+        """Return the topics of the Fixposition driver, their frames, and a note if the driver is old.
+
+        Raises:
+            RecordingError: the topic of the odometry, of the IMU or of the positions is missing.
+        """
+        odometry, gnss = find_odometry(bag, self.namespace).name, self.gnss
+        space, notes = odometry.rsplit("/", 1)[0], []
+        topics: dict[Role, str] = {"imu": _require_topic(bag, space, self.imu, IMU, "imu")}
+        if not _has(bag, f"{space}/{gnss}") and _has(bag, f"{space}/{FUSED_FIX}"):
+            fused = f"positions are {space}/{FUSED_FIX}, the sensor's fusion, the same as the reference."
+            notes, gnss = [f"The driver published no {space}/{gnss} (older than 6.1): {fused}"], FUSED_FIX
+        topics["position"] = _require_topic(bag, space, gnss, FIX, "gnss")
+        sources: dict[Role, str] = {"velocity": self.velocity, "heading": self.heading, "reference": "odometry"}
+        topics |= {role: odometry for role, source in sources.items() if source == "odometry"}
+        source, order = f"the sensor's own fusion ({odometry})", self.covariance_order
+        return TopicPlan(topics, tuple(notes), order, reference_frame="ecef", reference_source=source)

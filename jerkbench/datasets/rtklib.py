@@ -8,20 +8,24 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray, require_choices, require_lengths
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.io.clocks import GPST_MINUS_UTC_S, utc_of, velocity_when_true, with_common_time
-from jerkbench.io.columns import Columns
-from jerkbench.io.files import FromFiles, find_file, named_folder
-from jerkbench.io.frames import (
+from jerkbench.io.columns import Columns, TextFormat
+from jerkbench.io.conversions import (
     ACCEL_UNITS,
+    GPST_MINUS_UTC_S,
     GYRO_UNITS,
     axes_matrix,
     body_from_sensor,
     calibrated_at_rest,
     first_rest_s,
     in_enu,
+    utc_of,
+    velocity_when_true,
 )
+from jerkbench.io.files import FromFiles, find_file, named_folder, read_bytes
 from jerkbench.io.readers import read_columns
-from jerkbench.io.rtklib import (
+from jerkbench.io.sanitiser import imu_in_body, possible_rows, steady_rows, with_common_time
+from jerkbench.io.table import accepted, covariances_of, without_cut_times
+from jerkbench.io.tracks import (
     POS_COVARIANCE,
     POS_POSITION,
     POS_QUALITY,
@@ -29,11 +33,8 @@ from jerkbench.io.rtklib import (
     POS_VELOCITY_COVARIANCE,
     is_ellipsoidal,
 )
-from jerkbench.io.sanitiser import imu_in_body, possible_rows, steady_rows
-from jerkbench.io.table import accepted, covariances_of, without_cut_times
-from jerkbench.io.text import TextFormat, read_bytes
 from jerkbench.plugins import register
-from jerkbench.recording import Origin, Position, Recording, Reference, Velocity
+from jerkbench.recording import Origin, Position, Recording, Reference
 
 
 @register("dataset", "rtklib")
@@ -140,13 +141,16 @@ class RtklibDrive(FromFiles):
         measured, units = (samples.numbers(LOG_ACCEL), samples.numbers(LOG_GYRO)), (self.accel_unit, self.gyro_unit)
         imu, of_imu = imu_in_body(str(imu_path), imu_s, *measured, units, turn)
         imu = calibrated_at_rest(imu, rest_s, gyro=self.remove_gyro_bias, accel=self.scale_accel_to_gravity)
-        source, moves = "the receiver's own fixes", speed_mps >= self.min_speed_mps
+        source, moves, velocity = "the receiver's own fixes", speed_mps >= self.min_speed_mps, None
+        if columns.has(POS_VELOCITY):
+            of_velocity = columns.numbers(POS_VELOCITY), _covariances(columns, POS_VELOCITY_COVARIANCE)
+            velocity = velocity_when_true(t_s, *of_velocity, self.velocity_latency_s)
         recording = Recording(
             name=pos_path.parent.resolve().name,
             imu=imu,
             reference=Reference(t_s, source, independent=False, enu_m=position.enu_m, scored=moves),
             position=position,
-            velocity=_velocity_of_fixes(columns, t_s, self.velocity_latency_s),
+            velocity=velocity,
             origin=origin,
             start_utc=utc_of(zero_ns, self.gpst_minus_utc_s),
             static_start_s=rest_s,
@@ -251,15 +255,6 @@ def _ground_speed(columns: Columns, position: Position) -> FloatArray:
     if len(position.t_s) < 2:
         return np.zeros(len(position.t_s))
     return np.asarray(np.hypot(*np.gradient(position.enu_m[:, :2], position.t_s, axis=0).T))
-
-
-def _velocity_of_fixes(columns: Columns, t_s: FloatArray, latency_s: tuple[float, ...]) -> Velocity | None:
-    """Return the velocities of the solution, corrected by their latency, or None if it has no velocities."""
-    if not columns.has(POS_VELOCITY):
-        return None
-    return velocity_when_true(
-        t_s, columns.numbers(POS_VELOCITY), _covariances(columns, POS_VELOCITY_COVARIANCE), latency_s
-    )
 
 
 def _gpst_ns(columns: Columns, gpst_minus_utc_s: float) -> IntArray:

@@ -12,10 +12,8 @@ import numpy as np
 from jerkbench.arrays import FloatArray, require_choices, require_not_negative, require_positive
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import enu_axes
-from jerkbench.io.clocks import with_common_time, with_recorded_outages
 from jerkbench.io.columns import Columns
-from jerkbench.io.files import FromFiles, named_folder
-from jerkbench.io.frames import (
+from jerkbench.io.conversions import (
     LOCAL_FRAMES,
     SPEED_UNITS,
     axes_in_enu,
@@ -25,8 +23,8 @@ from jerkbench.io.frames import (
     in_enu,
     origin_of,
 )
+from jerkbench.io.files import FromFiles, named_folder
 from jerkbench.io.readers import SOLUTION
-from jerkbench.io.rtklib import POS_QUALITY
 from jerkbench.io.sanitiser import (
     HELD,
     MAX_MPS,
@@ -37,6 +35,8 @@ from jerkbench.io.sanitiser import (
     possible_rows,
     require_origin,
     steady_rows,
+    with_common_time,
+    with_recorded_outages,
 )
 from jerkbench.io.table import (
     CHOICES,
@@ -49,6 +49,7 @@ from jerkbench.io.table import (
     require_columns,
     with_sigma,
 )
+from jerkbench.io.tracks import POS_QUALITY
 from jerkbench.plugins import register
 from jerkbench.recording import THE_FIXES, Imu, Origin, Position, Recording, Reference, Velocity
 
@@ -271,7 +272,10 @@ class Tables(FromFiles, TimedColumns):
         if any(getattr(self, name) != value for name, value in changed.items()):
             return replace(self, **changed).load()
         samples = self._samples()
-        zero_ns = self._first_ns(samples)
+        first = samples
+        if first is None:
+            first = self.read(self._source("position")).with_entries(self.position_columns)
+        zero_ns = int(first.t_ns[0])
         position, origin, of_fixes = self._fixes(zero_ns)
         reference, origin, of_reference = self._reference(zero_ns, position, origin)
         imu, of_imu = self._imu(samples, zero_ns)
@@ -293,14 +297,8 @@ class Tables(FromFiles, TimedColumns):
 
     def paths(self) -> tuple[Path, ...]:
         """Return the paths of all files of the recording."""
-        names = (
-            self.imu_file,
-            self.gyro_file,
-            self.position_file,
-            self.velocity_file,
-            self.reference_file,
-            self.time_file,
-        )
+        streams = ("imu", "gyro", "position", "velocity", "reference", "time")
+        names = (getattr(self, f"{stream}_file") for stream in streams)
         return tuple(path for name in dict.fromkeys(names) if name for path in self.files(name, "folder"))
 
     def _require_one_origin(self) -> None:
@@ -345,12 +343,6 @@ class Tables(FromFiles, TimedColumns):
         t_ns = gyro.t_ns - samples.t_ns[0]
         at_ns, rates = samples.t_ns - samples.t_ns[0], gyro.numbers(self.imu_gyro)
         return np.column_stack([np.interp(at_ns, t_ns, rate, left=np.nan, right=np.nan) for rate in rates.T])
-
-    def _first_ns(self, samples: Columns | None) -> int:
-        """Return the stamp of time 0: the stamp of the first IMU sample, or of the first fix without an IMU."""
-        if samples is None:
-            samples = self.read(self._source("position")).with_entries(self.position_columns)
-        return int(samples.t_ns[0]) if len(samples.t_ns) else 0
 
     def _imu(self, samples: Columns | None, zero_ns: int) -> tuple[Imu | None, tuple[str, ...]]:
         """Return the IMU samples in body axes (or None without an IMU), and notes about the samples."""
@@ -427,6 +419,7 @@ class Tables(FromFiles, TimedColumns):
         if self.reference_position:
             stream, places = self._placed(source, self.reference_position, frame, stream)
             origin = origin or origin_of(places, frame)
+        mps = axes_in_enu(stream.numbers(moving), self.reference_velocity_frame or frame) if moving else None
         local, body = self.attitude_frame or frame, self.reference_body
         angles = self.reference_attitude, self.attitude_unit, local, body, self.imu_axes
         reference = Reference(
@@ -434,9 +427,7 @@ class Tables(FromFiles, TimedColumns):
             self.reference_source,
             self.reference_independent,
             enu_m=None if places is None else in_enu(places, frame, origin) + self.reference_offset_m,
-            velocity_mps=axes_in_enu(stream.numbers(moving), self.reference_velocity_frame or frame)
-            if moving
-            else None,
+            velocity_mps=mps,
             euler_rad=read_attitude(stream, *angles),
         )
         sigma_m = self._reference_sigma(stream)

@@ -5,7 +5,7 @@ from typing import Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.parameters import Limit, Limited
 from jerkbench.plugins import register
@@ -14,8 +14,6 @@ from jerkbench.recording import Heading, Position, Recording, Reference, Velocit
 
 FROM_0_TO_1 = Limit(lambda p: 0 <= p <= 1, "it must be from 0 to 1.")
 OFFSET = Limit(lambda size: 0 <= size < np.inf, "give 0 m or more, or null.")
-DEVIATION = Limit(lambda sigma: 0 <= sigma < np.inf, "a standard deviation must be 0 or more.")
-CORRELATION_TIME = Limit(lambda time: 0 < time < np.inf, "a correlation time must be positive.")
 
 
 class Unphased(Limited):
@@ -95,8 +93,8 @@ def fault_stream(seed: int, disturbance: str, label: str, *parts: str) -> np.ran
 AnyStream = TypeVar("AnyStream", Position, Velocity, Heading, Reference)
 
 
-def rows_of(stream: AnyStream, selected: BoolArray, **changes: Any) -> AnyStream:  # noqa: ANN401 - fields of the stream
-    """Return the rows of ``stream`` where ``selected`` is true. ``changes`` are new values of complete fields."""
+def rows_of(stream: AnyStream, selected: BoolArray | IntArray, **changes: Any) -> AnyStream:  # noqa: ANN401 - fields of the stream
+    """Return the rows ``selected`` (a mask or indices) of ``stream``. ``changes`` are new values of complete fields."""
     values = {f.name: getattr(stream, f.name) for f in fields(stream)}
     arrays = {name: value[selected] for name, value in values.items() if isinstance(value, np.ndarray)}
     return replace(stream, **(arrays | changes))
@@ -178,6 +176,17 @@ def fixes_of(recording: Recording, consequence: str) -> Position:
     if recording.position is None:
         raise RecordingError(f"{recording.name} has no position fixes, {consequence}")
     return recording.position
+
+
+def velocity_of(recording: Recording, name: str) -> Velocity:
+    """Return the velocities of a recording.
+
+    Raises:
+        RecordingError: the recording has no velocities; the message contains the name ``name`` of the disturbance.
+    """
+    if recording.velocity is None:
+        raise RecordingError(f"{recording.name} has no velocity, so {name} cannot be applied; remove {name}.")
+    return recording.velocity
 
 
 def in_space(random: np.random.Generator, rows: int, length_m: float = 1.0) -> FloatArray:

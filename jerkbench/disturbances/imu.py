@@ -5,9 +5,8 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray, nearest_rows
+from jerkbench.arrays import FloatArray, nearest_rows
 from jerkbench.disturbances.common import (
-    DEVIATION,
     FROM_0_TO_1,
     DrawnFault,
     RegularWindows,
@@ -15,9 +14,10 @@ from jerkbench.disturbances.common import (
     displaced,
     fault_stream,
     in_any,
+    velocity_of,
 )
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.parameters import Limit
+from jerkbench.parameters import NOT_NEGATIVE, Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Imu, Recording, Reference, Velocity
 from jerkbench.simulation.motion import harmonics
@@ -43,8 +43,8 @@ class ImuBias(DrawnFault):
         stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
-    accel_mps2: Annotated[float, DEVIATION] = 0.08
-    gyro_radps: Annotated[float, DEVIATION] = 0.002
+    accel_mps2: Annotated[float, NOT_NEGATIVE] = 0.08
+    gyro_radps: Annotated[float, NOT_NEGATIVE] = 0.002
     stream: str = ""
 
     def apply(self, recording: Recording, seed: int) -> Recording:
@@ -82,8 +82,8 @@ class ImuVibration(DrawnFault):
         stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
-    accel_mps2: Annotated[float, DEVIATION] = 1.0
-    gyro_radps: Annotated[float, DEVIATION] = 0.01
+    accel_mps2: Annotated[float, NOT_NEGATIVE] = 1.0
+    gyro_radps: Annotated[float, NOT_NEGATIVE] = 0.01
     lowest_hz: float = 8.0
     highest_hz: float = 35.0
     stream: str = ""
@@ -129,19 +129,16 @@ class Dropout(DrawnFault):
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording without randomly selected IMU samples; ``seed`` determines the selection."""
-        imu = recording.inertial
-        present = ~self._missing(len(imu.t_s), seed)
-        present[[0, -1]] = True
-        return replace(recording, imu=Imu(imu.t_s[present], imu.accel_mps2[present], imu.gyro_radps[present]))
-
-    def _missing(self, n: int, seed: int) -> BoolArray:
-        random = fault_stream(seed, "dropout", self.stream)
+        imu, random = recording.inertial, fault_stream(seed, "dropout", self.stream)
+        n = len(imu.t_s)
         starts = np.flatnonzero(random.uniform(size=n) < self.probability)
         lengths = random.integers(1, self.longest + 1, size=n)[starts]
         depth = np.zeros(n + self.longest, dtype=np.int64)  # number of gaps that start minus number of gaps that end
         np.add.at(depth, starts, 1)
         np.add.at(depth, starts + lengths, -1)
-        return np.asarray(np.cumsum(depth)[:n] > 0)
+        present = np.cumsum(depth)[:n] <= 0
+        present[[0, -1]] = True
+        return replace(recording, imu=Imu(imu.t_s[present], imu.accel_mps2[present], imu.gyro_radps[present]))
 
 
 @register("disturbance", "wheel_slip")
@@ -173,11 +170,7 @@ class WheelSlip(RegularWindows):
         Raises:
             RecordingError: the recording has no velocity, or no velocity row with both horizontal components.
         """
-        velocity = recording.velocity
-        if velocity is None:
-            raise RecordingError(
-                f"{recording.name} has no velocity, so wheel_slip cannot be applied; remove wheel_slip."
-            )
+        velocity = velocity_of(recording, "wheel_slip")
         together = velocity.mps[:, :1] if velocity.frame == "speed" else velocity.mps[:, :2]
         if len(velocity.t_s) and not np.isfinite(together).all(axis=1).any():
             raise RecordingError(

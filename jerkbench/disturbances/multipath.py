@@ -8,7 +8,6 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.disturbances.common import (
-    CORRELATION_TIME,
     OFFSET,
     DrawnFault,
     RegularWindows,
@@ -21,10 +20,10 @@ from jerkbench.disturbances.common import (
     with_errors,
 )
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.parameters import Limit
+from jerkbench.parameters import ABOVE_ZERO, NOT_NEGATIVE, Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.simulation.imu import gauss_markov
+from jerkbench.simulation.sensors import gauss_markov
 
 LASTING = Limit(lambda time: 0 < time < np.inf, "it must be above 0 s, or null.")
 
@@ -65,11 +64,7 @@ class Bursts(DrawnFault):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 0 < self.shortest_s <= self.longest_s:
-            raise PluginError(
-                f"Invalid duration of a burst, {self.shortest_s} to {self.longest_s} s; shortest_s and longest_s must"
-                " satisfy 0 < shortest_s <= longest_s."
-            )
+        self.require_range("shortest_s", "longest_s", "s", above=True)
         self.require_range("smallest_m", "largest_m", "m")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
@@ -170,8 +165,8 @@ class RtkFloat(RegularWindows):
 
     windows_s: WindowTimes = ((30.0, 60.0), (95.0, 120.0))
     sigma_m: tuple[float, ...] = (0.25, 0.25, 0.5)
-    factor: Annotated[float, Limit(lambda k: 0 <= k < np.inf, "give 0 or more.")] = 1.0
-    time_s: Annotated[float, CORRELATION_TIME] = 15.0
+    factor: Annotated[float, NOT_NEGATIVE] = 1.0
+    time_s: Annotated[float, ABOVE_ZERO] = 15.0
     stream: str = ""
 
     def __post_init__(self) -> None:

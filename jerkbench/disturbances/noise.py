@@ -8,7 +8,6 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.disturbances.common import (
-    CORRELATION_TIME,
     FROM_0_TO_1,
     DrawnFault,
     FixesOrVelocity,
@@ -17,15 +16,14 @@ from jerkbench.disturbances.common import (
     with_errors,
 )
 from jerkbench.errors import RecordingError
-from jerkbench.parameters import Limit
+from jerkbench.parameters import ABOVE_ZERO, Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Velocity
-from jerkbench.simulation.imu import gauss_markov
+from jerkbench.simulation.sensors import gauss_markov
 
 FINITE = Limit(lambda times: np.isfinite(times).all(), "give finite times, in seconds.")
 ADDED = Limit(lambda k: 1 <= k < np.inf, "it must be at least 1, because noise can only be added.")
 BELOW_1 = Limit(lambda share: 0 <= share < 1, "it must be from 0 to below 1.")
-_STATED = Limit(lambda k: 0 < k < np.inf, "it must be positive and finite.")
 
 
 def require_measured(recording: Recording, consequence: str) -> None:
@@ -135,7 +133,7 @@ class NoiseSine(ScaledNoise):
     stream_name: ClassVar[str] = "noise_sine"
 
     largest: Annotated[float, ADDED] = 5.0
-    period_s: Annotated[float, Limit(lambda time: 0 < time < np.inf, "give a positive number.")] = 60.0
+    period_s: Annotated[float, ABOVE_ZERO] = 60.0
     stream: str = ""
 
     def factor_at(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
@@ -201,9 +199,9 @@ class Coloured(DrawnFault):
     """
 
     position_share: Annotated[float, BELOW_1] = 0.8
-    position_time_s: Annotated[float, CORRELATION_TIME] = 10.0
+    position_time_s: Annotated[float, ABOVE_ZERO] = 10.0
     velocity_share: Annotated[float, BELOW_1] = 0.0
-    velocity_time_s: Annotated[float, CORRELATION_TIME] = 2.0
+    velocity_time_s: Annotated[float, ABOVE_ZERO] = 2.0
     reported: bool = True
     stream: str = ""
 
@@ -244,8 +242,8 @@ class StatedCovariance(Unphased):
         velocity_factor: k, factor on the reported standard deviations of the velocity [-].
     """
 
-    position_factor: Annotated[float, _STATED] = 0.2
-    velocity_factor: Annotated[float, _STATED] = 1.0
+    position_factor: Annotated[float, ABOVE_ZERO] = 0.2
+    velocity_factor: Annotated[float, ABOVE_ZERO] = 1.0
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with scaled reported covariances. The seed has no effect.

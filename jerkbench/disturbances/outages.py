@@ -16,10 +16,11 @@ from jerkbench.disturbances.common import (
     in_each,
     in_plane,
     rows_of,
+    velocity_of,
     without,
 )
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.parameters import Limit
+from jerkbench.parameters import ABOVE_ZERO, NOT_NEGATIVE, Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference, Velocity
 from jerkbench.timeline import nanoseconds
@@ -108,11 +109,7 @@ class VelocityOutage(OutageWindows):
         Raises:
             RecordingError: the recording has no velocities.
         """
-        if recording.velocity is None:
-            raise RecordingError(
-                f"{recording.name} has no velocity, so velocity_outage cannot be applied; remove velocity_outage."
-            )
-        velocity = without(recording.velocity, self.windows_in(recording))
+        velocity = without(velocity_of(recording, "velocity_outage"), self.windows_in(recording))
         return replace(self.announced_in(recording), velocity=velocity)
 
 
@@ -338,8 +335,6 @@ def _reference(reference: Reference, position: Position, withheld: BoolArray) ->
 HALF_S = 0.5
 """Half of the interval over which the speed of the reference is computed [s]."""
 
-NOT_BELOW_0 = Limit(lambda value: 0 <= value < np.inf, "it must be 0 or more.")
-
 SPEED_GAP_S = 1.5
 """Maximum interval between stamps of the reference over which its speed is computed [s]."""
 
@@ -361,9 +356,9 @@ class ScoreMoving(Unphased):
         fix_s: maximum time between a scored stamp and the nearest fix [s], or 0 to score errors in gaps of fixes too.
     """
 
-    rate_hz: Annotated[float, Limit(lambda rate: 0 < rate < np.inf, "it must be positive.")] = 1.0
-    slowest_mps: Annotated[float, NOT_BELOW_0] = 0.5
-    fix_s: Annotated[float, NOT_BELOW_0] = 0.0
+    rate_hz: Annotated[float, ABOVE_ZERO] = 1.0
+    slowest_mps: Annotated[float, NOT_NEGATIVE] = 0.5
+    fix_s: Annotated[float, NOT_NEGATIVE] = 0.0
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with fewer scored stamps of the reference. The seed has no effect.
@@ -376,13 +371,10 @@ class ScoreMoving(Unphased):
         if self.fix_s:
             fix_s = fixes_of(recording, "which fix_s needs; set score_moving.fix_s to 0.").t_s
             counts &= np.abs(fix_s[nearest_rows(fix_s, reference.t_s)] - reference.t_s) <= self.fix_s
-        return replace(recording, reference=replace(reference, scored=self._thinned(reference.t_s, counts)))
-
-    def _thinned(self, t_s: FloatArray, counts: BoolArray) -> BoolArray:
-        """Return a mask (k,) of the first stamp in each interval of 1/``rate_hz`` for which ``counts`` is true."""
         rows = np.flatnonzero(counts)
-        _, first = np.unique(np.floor(t_s[rows] * self.rate_hz + 1e-6), return_index=True)
-        return np.isin(np.arange(len(t_s)), rows[first])
+        _, first = np.unique(np.floor(reference.t_s[rows] * self.rate_hz + 1e-6), return_index=True)
+        scored = np.isin(np.arange(len(counts)), rows[first])
+        return replace(recording, reference=replace(reference, scored=scored))
 
 
 def horizontal_speed(reference: Reference, name: str) -> FloatArray:

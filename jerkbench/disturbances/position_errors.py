@@ -23,7 +23,7 @@ from jerkbench.disturbances.common import (
 )
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
-from jerkbench.parameters import Limit
+from jerkbench.parameters import NOT_NEGATIVE, Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -139,7 +139,7 @@ class FalseFix(RegularWindows):
     fault: ClassVar[str] = "false fix"
 
     windows_s: WindowTimes = ((30.0, 40.0), (70.0, 80.0), (110.0, 120.0))
-    offset_m: Annotated[float, Limit(lambda length: 0 <= length < np.inf, "it must be 0 m or more.")] = 1.0
+    offset_m: Annotated[float, NOT_NEGATIVE] = 1.0
     stream: str = ""
 
     def __post_init__(self) -> None:

@@ -1,7 +1,7 @@
 """The disturbance ``replayed_gnss``, which adds recorded errors of a real receiver to the fixes."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from jerkbench.disturbances.common import (
     rows_of,
 )
 from jerkbench.io.files import fingerprint
-from jerkbench.parameters import Limit
+from jerkbench.parameters import ABOVE_ZERO, Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference
 from jerkbench.simulation.traces import SHIPPED, Trace, read_trace, trace_path
@@ -22,22 +22,6 @@ from jerkbench.timeline import nanoseconds
 FLOOR_M2 = 1e-6
 """Minimum variance, (1 mm)^2."""
 TOLERANCE_S = 1e-6
-
-
-class Replayed(NamedTuple):
-    """Recorded errors for the k retained fixes.
-
-    Attributes:
-        fixes: (k,) row indices of the retained fixes. The fixes that are not in ``fixes`` are removed.
-        error_m: (k, 3) errors of the fixes in ENU [m].
-        reported_m2: (k, 3, 3) covariance that is added to the reported covariance [m2].
-        true_m2: (k, 3, 3) covariance that is added to the true covariance [m2].
-    """
-
-    fixes: IntArray
-    error_m: FloatArray
-    reported_m2: FloatArray
-    true_m2: FloatArray
 
 
 @register("disturbance", "replayed_gnss")
@@ -74,10 +58,10 @@ class ReplayedGnss(DrawnFault):
     """
 
     trace: str = "tokyo_1105"
-    scale: Annotated[float, Limit(lambda s: 0 < s < np.inf, "it must be positive.")] = 1.0
+    scale: Annotated[float, ABOVE_ZERO] = 1.0
     start_s: Annotated[float | None, Limit(np.isfinite, "give a time in the trace, or null.")] = None
     rotate: bool = True
-    moment_s: Annotated[float, Limit(lambda s: 0 < s < np.inf, "it must be above 0 s.")] = 10.0
+    moment_s: Annotated[float, ABOVE_ZERO] = 10.0
     stream: str = ""
 
     def __post_init__(self) -> None:
@@ -97,33 +81,21 @@ class ReplayedGnss(DrawnFault):
         """
         position = fixes_of(recording, "so replayed_gnss cannot be applied; remove replayed_gnss.")
         trace = read_trace(trace_path(self.trace))
-        true_m, known = _true_positions(recording.reference, position)
-        fixes = _with_replayed_errors(self._replayed(trace, position.t_s, seed), position, true_m, known)
-        source = f"the errors of {trace.about.recording} against {trace.about.reference}."
-        return replace(recording, position=fixes, notes=(*recording.notes, f"Its fixes have replayed errors: {source}"))
-
-    def _replayed(self, trace: Trace, t_s: FloatArray, seed: int) -> Replayed:
         random = fault_stream(seed, "replayed_gnss", self.stream)
         random_s, angle = trace.t_s[random.integers(len(trace.t_s))], random.uniform(-np.pi, np.pi)
         start_s = random_s if self.start_s is None else self.start_s
-        fixes, rows = _pairs(trace, t_s, float(start_s))
+        retained, rows = _pairs(trace, position.t_s, float(start_s))
         cosine, sine = (np.cos(angle), np.sin(angle)) if self.rotate else (1.0, 0.0)
         W = self.scale * np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
         moment = trace.local_moment_m2(self.moment_s)[rows] + FLOOR_M2 * np.eye(3)
-        return Replayed(fixes, trace.error_m[rows] @ W.T, W @ trace.covariance_m2[rows] @ W.T, W @ moment @ W.T)
-
-
-def _with_replayed_errors(replayed: Replayed, position: Position, true_m: FloatArray, known: BoolArray) -> Position:
-    """Return the retained fixes with the recorded errors and their covariances added."""
-    selected = np.isin(np.arange(len(position.t_s)), replayed.fixes)
-    fixes, exact = rows_of(position, selected), known[selected]
-    noisy = ~exact[:, None, None]
-    return replace(
-        fixes,
-        enu_m=np.where(exact[:, None], true_m[selected], fixes.enu_m) + replayed.error_m,
-        covariance_m2=noisy * fixes.reported + replayed.reported_m2,
-        true_covariance_m2=noisy * fixes.true + replayed.true_m2,
-    )
+        true_m, known = _true_positions(recording.reference, position)
+        fixes, exact = rows_of(position, retained), known[retained]
+        start_m = np.where(exact[:, None], true_m[retained], fixes.enu_m)
+        noisy = ~exact[:, None, None]
+        reported_m2 = noisy * fixes.reported + W @ trace.covariance_m2[rows] @ W.T
+        fixes = fixes.changed(start_m + trace.error_m[rows] @ W.T, reported_m2, noisy * fixes.true + W @ moment @ W.T)
+        source = f"the errors of {trace.about.recording} against {trace.about.reference}."
+        return replace(recording, position=fixes, notes=(*recording.notes, f"Its fixes have replayed errors: {source}"))
 
 
 def _true_positions(reference: Reference, position: Position) -> tuple[FloatArray, BoolArray]:

@@ -6,13 +6,12 @@ from typing import Annotated, Any
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances.common import DEVIATION, AnyStream, DrawnFault, Unphased, fault_stream, rows_of
-from jerkbench.parameters import Limit
+from jerkbench.disturbances.common import AnyStream, DrawnFault, Unphased, fault_stream, rows_of
+from jerkbench.parameters import NOT_NEGATIVE
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
 _MEASURED = ("position", "velocity", "heading")
-LATE = Limit(lambda late: 0 <= late < np.inf, "it must be 0 s or more.")
 
 
 @register("disturbance", "latency")
@@ -30,9 +29,9 @@ class Latency(Unphased):
         heading_s: latency d of the headings [s].
     """
 
-    position_s: Annotated[float, LATE] = 0.1
-    velocity_s: Annotated[float, LATE] = 0.0
-    heading_s: Annotated[float, LATE] = 0.0
+    position_s: Annotated[float, NOT_NEGATIVE] = 0.1
+    velocity_s: Annotated[float, NOT_NEGATIVE] = 0.0
+    heading_s: Annotated[float, NOT_NEGATIVE] = 0.0
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with delayed stamps of the measurements."""
@@ -69,8 +68,8 @@ class Jitter(DrawnFault):
         stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
-    imu_s: Annotated[float, DEVIATION] = 0.001
-    measurement_s: Annotated[float, DEVIATION] = 0.01
+    imu_s: Annotated[float, NOT_NEGATIVE] = 0.001
+    measurement_s: Annotated[float, NOT_NEGATIVE] = 0.01
     stream: str = ""
 
     def apply(self, recording: Recording, seed: int) -> Recording:

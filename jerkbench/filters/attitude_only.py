@@ -11,9 +11,9 @@ from jerkbench.contracts import Adaptation
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.trajectory import Command
+from jerkbench.io.columns import TextFormat
 from jerkbench.io.readers import read_columns
 from jerkbench.io.table import read_attitude
-from jerkbench.io.text import TextFormat
 from jerkbench.io.writing import write_recording
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register

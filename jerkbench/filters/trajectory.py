@@ -22,7 +22,7 @@ from jerkbench.arrays import require_positive
 from jerkbench.contracts import Adaptation
 from jerkbench.errors import PluginError, RecordingError, require_known
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.io.clocks import GPST_MINUS_UTC_S
+from jerkbench.io.conversions import GPST_MINUS_UTC_S
 from jerkbench.io.trajectory import (
     SEED,
     Trajectory,

@@ -37,7 +37,7 @@ from jerkbench.inspection.evidence import (
 )
 from jerkbench.inspection.lags import MAX_GAP_S, Lag, all_lags, attitude_rates, bunched_stamps, clock_offsets
 from jerkbench.inspection.noise import understated_noise
-from jerkbench.io.frames import UPRIGHT, UPRIGHT_SHARE, felt_axis, gravity_share
+from jerkbench.io.conversions import UPRIGHT, UPRIGHT_SHARE, felt_axis, gravity_share
 from jerkbench.recording import GRAVITY_MPS2, Imu, Position, Recording
 
 MIN_FIT, MIN_GAIN = 0.5, 0.4

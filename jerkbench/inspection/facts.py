@@ -21,7 +21,7 @@ from jerkbench.inspection.noise import (
     rest_noise,
     stated_against_real_sigma,
 )
-from jerkbench.io.frames import felt_axis
+from jerkbench.io.conversions import felt_axis
 from jerkbench.io.sanitiser import imu_gap_notes, repeated_samples
 from jerkbench.recording import THE_FIXES, Heading, Imu, Position, Recording, Reference, Velocity
 from jerkbench.report.plots.style import (
@@ -98,13 +98,11 @@ def _rate(t_s: FloatArray) -> str:
 
 def _sigma(stream: object) -> str:
     """Return the medians of the stated standard deviations as text, over the rows in which the axis was measured."""
-    for values, covariance, unit in (("enu_m", "covariance_m2", "m"), ("mps", "covariance_m2ps2", "m/s")):
-        if hasattr(stream, covariance) and np.isfinite(getattr(stream, values)).any(axis=0).all():
-            variances = np.diagonal(getattr(stream, covariance), axis1=1, axis2=2)
-            measured = np.where(np.isfinite(getattr(stream, values)), variances, np.nan)
-            median = np.sqrt(np.nanmedian(measured, axis=0))
-            return "; stated sigma (median) " + ", ".join(f"{value:.3g}" for value in median) + f" {unit}"
-    return ""
+    if not isinstance(stream, Position | Velocity) or not np.isfinite(stream.values).any(axis=0).all():
+        return ""
+    variances = np.where(np.isfinite(stream.values), np.diagonal(stream.reported, axis1=1, axis2=2), np.nan)
+    median, unit = np.sqrt(np.nanmedian(variances, axis=0)), "m" if isinstance(stream, Position) else "m/s"
+    return "; stated sigma (median) " + ", ".join(f"{value:.3g}" for value in median) + f" {unit}"
 
 
 def _inertial(recording: Recording) -> Iterator[str]:

@@ -29,7 +29,7 @@ from jerkbench.inspection.evidence import (
 )
 from jerkbench.io.column_names import Name, common_unit
 from jerkbench.io.columns import TIME_UNITS
-from jerkbench.io.frames import (
+from jerkbench.io.conversions import (
     ACCEL_UNITS,
     ANGLE_UNITS,
     GYRO_UNITS,
@@ -37,6 +37,7 @@ from jerkbench.io.frames import (
     SPEED_UNITS,
     UPRIGHT,
     UPRIGHT_SHARE,
+    WEEK_NS,
     gravity_share,
 )
 from jerkbench.io.sanitiser import MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG
@@ -56,7 +57,6 @@ MAX_FIX_RATE_HZ = 50.0
 MIN_DATE_RATE_HZ = 0.01
 """Minimum rate of stamps that are dates. Stamps with a lower rate are in another unit."""
 
-WEEK_S = 604_800
 LATITUDE_RAD, LONGITUDE_RAD = np.pi / 2, np.pi
 MIN_MM = 20_000.0
 """A height with a larger absolute value is in millimetres."""
@@ -111,7 +111,7 @@ def guess_time_unit(stamps: FloatArray, named: str, *, fixes: bool = False, of_w
     fastest_hz = MAX_FIX_RATE_HZ if fixes else RATES_HZ[1]
     fitting = [unit for unit, rate_hz in rates.items() if RATES_HZ[0] <= rate_hz <= fastest_hz]
     if of_week:
-        fitting = [unit for unit in fitting if stamps.max() <= WEEK_S * 1e9 / TIME_UNITS[unit]]
+        fitting = [unit for unit in fitting if stamps.max() <= WEEK_NS / TIME_UNITS[unit]]
     if len(fitting) == 1:
         why = f"the median step is {step:g}, a rate of {rates[fitting[0]]:g} Hz"
         return Guess("time_unit", fitting[0], "measured", f"{why}, and it is a time of week" if of_week else why)

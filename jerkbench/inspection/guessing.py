@@ -32,7 +32,6 @@ from jerkbench.inspection.guesses import (
 )
 from jerkbench.inspection.lags import CLOCK_CORRELATION, SHIFT_PARAMETERS, all_lags
 from jerkbench.inspection.noise import longest_rest
-from jerkbench.io.clocks import GPST_MINUS_UTC_S
 from jerkbench.io.column_names import (
     Name,
     Triple,
@@ -46,10 +45,9 @@ from jerkbench.io.column_names import (
     velocity_columns,
     with_meaning,
 )
-from jerkbench.io.columns import MAX_NANOSECONDS, Columns
-from jerkbench.io.frames import SPEED_UNITS
+from jerkbench.io.columns import MAX_NANOSECONDS, Columns, TextFormat
+from jerkbench.io.conversions import GPST_MINUS_UTC_S, SPEED_UNITS
 from jerkbench.io.readers import SOLUTION, read_columns
-from jerkbench.io.text import TextFormat
 from jerkbench.io.tracks import track_reader
 from jerkbench.recording import Recording
 
@@ -235,6 +233,7 @@ def _streams(tables: Sequence[GuessedTable]) -> dict[str, GuessedTable]:
 def _times(draft: Draft) -> None:
     """Guess the time column, its unit and its epoch for each stream. All streams without dates have the same epoch."""
     epochs: dict[str, Guess] = {}
+    inertial = [draft.tables.get("imu"), draft.tables.get("gyro")]
     for stream, table in draft.tables.items():
         time = with_meaning(table.names, "time") or with_meaning(table.names, "tow")
         if time is None:
@@ -246,7 +245,7 @@ def _times(draft: Draft) -> None:
             continue
         stamps = table.columns.numbers([time.column], MAX_NANOSECONDS)[:, 0]
         week = with_meaning(table.names, "week")
-        of_week, fixes = time.quantity == "tow" or week is not None, table not in _of_imu(draft)
+        of_week, fixes = time.quantity == "tow" or week is not None, table not in inertial
         unit = guess_time_unit(stamps[np.isfinite(stamps)], time.unit, fixes=fixes, of_week=of_week)
         common = draft.guesses.get("time_unit", unit)
         if unit.grade == "unsure":
@@ -264,10 +263,6 @@ def _times(draft: Draft) -> None:
             " have different epochs; use the same clock in all files."
         )
     draft.add(*(counted or epochs.values()))
-
-
-def _of_imu(draft: Draft) -> list[GuessedTable]:
-    return [draft.tables[stream] for stream in ("imu", "gyro") if stream in draft.tables]
 
 
 def _epoch(draft: Draft, week: Name | None, *, dated: bool, of_week: bool) -> Guess:
@@ -436,8 +431,8 @@ def _rest(draft: Draft, recording: Recording) -> Iterator[Guess]:
         return
     why = "until then the IMU is at rest, and the fixes do not contradict it"
     yield Guess("static_start_s", float(int(rest.end_s)), "measured", why)
-    still = (recording.imu.t_s >= rest.begin_s) & (recording.imu.t_s <= rest.end_s)
-    bias_degps = np.degrees(np.linalg.norm(recording.imu.gyro_radps[still].mean(axis=0)))
+    gyro_radps = rest.rows_of(recording.imu.t_s, recording.imu.gyro_radps)
+    bias_degps = np.degrees(np.linalg.norm(gyro_radps.mean(axis=0)))
     if bias_degps > MIN_BIAS_DEGPS:
         why = f"the mean turn rate at rest is {bias_degps:.2g} deg/s"
         yield Guess("remove_gyro_bias", value=True, grade="measured", why=why)

@@ -24,7 +24,7 @@ from jerkbench.inspection.evidence import (
     window_means,
     without_nan_rows,
 )
-from jerkbench.io.frames import felt_axis
+from jerkbench.io.conversions import felt_axis
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 
 _NAN = float("nan")
@@ -215,9 +215,8 @@ def _speeds(recording: Recording, lags: list[Lag]) -> tuple[str, FloatArray, Flo
         t_s, mps = without_nan_rows(reference.t_s, reference.velocity_mps[:, :2])
         return "the reference's differentiated velocity", t_s, np.linalg.norm(mps, axis=1)
     if reference.enu_m is not None:
-        return "the reference's positions, differentiated twice", *_speed_between_positions(
-            reference.t_s, reference.enu_m
-        )
+        against = "the reference's positions, differentiated twice"
+        return against, *_speed_between_positions(reference.t_s, reference.enu_m)
     if position is not None:
         return "positions, differentiated twice", *_speed_between_positions(position.t_s, position.enu_m)
     return None
@@ -321,9 +320,8 @@ def clock_offsets(lags: list[Lag]) -> list[Diagnosis]:
         parts = {"stream": lag.stream, "size": abs(lag.lag_s), "side": "late" if lag.lag_s > 0 else "early"}
         parts |= {"shift": -lag.lag_s, "parameter": (parameter := SHIFT_PARAMETERS[lag.stream])}
         if parameter in LATENCIES:
-            parts["parameter"] = (
-                f"{parameter} (dataset=table), or set {LATENCIES[parameter].format(lag.lag_s)} for a bag"
-            )
+            latency = LATENCIES[parameter].format(lag.lag_s)
+            parts["parameter"] = f"{parameter} (dataset=table), or set {latency} for a bag"
         offsets.setdefault(parameter, diagnosis("clock", f"{measured} (correlation {lag.correlation:.2f})", **parts))
     return list(offsets.values())
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray, linear_at
+from jerkbench.arrays import BoolArray, FloatArray, linear_at, streaks
 from jerkbench.inspection.evidence import (
     Diagnosis,
     common_edges,
@@ -16,7 +16,7 @@ from jerkbench.inspection.evidence import (
     without_nan_rows,
 )
 from jerkbench.recording import GRAVITY_MPS2, Imu, Position, Recording
-from jerkbench.simulation.imu import ALLAN_FLOOR, GRADES
+from jerkbench.simulation.sensors import ALLAN_FLOOR, GRADES
 
 MIN_REST_S = 5.0
 _POINTS = 40
@@ -104,10 +104,9 @@ def longest_rest(recording: Recording) -> Rest | None:
     edges_s = np.empty(0) if imu is None else common_edges(_WINDOW_S, imu.t_s)
     if imu is None or stated or len(edges_s) < 2:
         return stated
-    steps = np.diff(np.concatenate([[False], _quiet(imu, edges_s), [False]]).astype(int))
     rests = [  # the motion may end and start in the outer windows, which are omitted
         Rest(float(edges_s[first + (first > 0)]), float(edges_s[last - (last < len(edges_s) - 1)]), stated=False)
-        for first, last in zip(np.flatnonzero(steps == 1), np.flatnonzero(steps == -1), strict=True)
+        for first, last in streaks(_quiet(imu, edges_s))
     ]
     long = [rest for rest in rests if rest.end_s - rest.begin_s >= MIN_REST_S and not _moves(recording, rest)]
     return max(long, key=lambda rest: rest.end_s - rest.begin_s, default=None)

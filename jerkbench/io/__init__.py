@@ -1,12 +1,12 @@
 """Reading and writing files of recordings and trajectories. This package has no plugins.
 
-Tables: `text`, `tracks` and `rtklib` read formats, and `readers` selects the format of a file. `columns` contains the
-result, and `column_names` the column names of common loggers. `frames` converts values to ENU and to body axes, and
-`table` creates the streams of a recording.
+Tables: `columns` contains the columns of a table and reads them from text, `column_names` contains the
+spellings of common loggers, `tracks` reads formats of receivers, and `readers` selects the format of a file.
+`conversions` converts times, and values to ENU and to body axes, and `table` creates the streams of a recording.
 
-Bags: `bag` reads messages and describes topics, `bag_topics` assigns roles to topics, `bag_cleaning` drops or repairs
-damaged messages, and `bag_dataset` creates the recording. `bag_writing` writes bags.
+Bags: `bag` reads messages and describes topics, `bag_topics` contains the roles of topics and drops or repairs damaged
+messages, and `bag_dataset` creates the recording. `bag_writing` writes bags.
 
-`clocks` converts times, and `sanitiser` contains the checks of all readers. `trajectory` reads trajectories, and
+`files` finds and reads files, and `sanitiser` contains the checks of all readers. `trajectory` reads trajectories, and
 `writing` exports recordings.
 """

@@ -20,8 +20,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import JerkbenchError, RecordingError, unknown
 from jerkbench.files import Distrusted, cache_folder, forget_oldest, read_trusted, write_trusted
-from jerkbench.io.files import fingerprint
-from jerkbench.io.text import require_content
+from jerkbench.io.files import fingerprint, require_content
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader

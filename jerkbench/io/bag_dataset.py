@@ -2,14 +2,12 @@
 
 from abc import abstractmethod
 from dataclasses import dataclass, field, replace
-from datetime import timedelta
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from jerkbench.arrays import (
-    BoolArray,
     FloatArray,
     require_choices,
     require_lengths,
@@ -23,11 +21,17 @@ from jerkbench.geometry import (
     euler_from_dcm,
 )
 from jerkbench.io.bag import Bag, Messages, bag_files, content_files, missing_parts, open_bag
-from jerkbench.io.bag_cleaning import BagNotes, clean_topics, places_of, sound_covariances, steady_fixes
-from jerkbench.io.bag_topics import Metadata, TopicPlan, is_ecef
-from jerkbench.io.clocks import UNIX_EPOCH, velocity_when_true, with_common_time, with_recorded_outages
-from jerkbench.io.files import FETCHED, FromFiles, named_folder
-from jerkbench.io.frames import (
+from jerkbench.io.bag_topics import (
+    BagNotes,
+    Metadata,
+    TopicPlan,
+    clean_topics,
+    is_ecef,
+    places_of,
+    sound_covariances,
+    steady_fixes,
+)
+from jerkbench.io.conversions import (
     ACCEL_UNITS,
     ENU_FROM_NED,
     FLU_FROM_FRD,
@@ -42,8 +46,11 @@ from jerkbench.io.frames import (
     origin_of,
     rotated_covariance,
     swapped,
+    utc_of,
+    velocity_when_true,
 )
-from jerkbench.io.sanitiser import require_origin, unit_quaternions
+from jerkbench.io.files import FETCHED, FromFiles, named_folder
+from jerkbench.io.sanitiser import require_origin, unit_quaternions, with_common_time, with_recorded_outages
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
 
 BagFrame = Literal["geodetic", "ecef", "enu", "ned"]
@@ -194,10 +201,9 @@ def frame_of(messages: Messages, stated: str) -> BagFrame:
     """Return the frame of positions, where "auto" means ECEF for poses near the Earth's surface, otherwise ENU."""
     if "latitude" in messages.values:
         return "geodetic"
-    require_known("position_frame", stated, POSE_FRAMES)
     if stated == "auto":
         return "ecef" if is_ecef(messages["position"]) else "enu"
-    return stated  # type: ignore[return-value]  # checked above
+    return stated  # type: ignore[return-value]  # the data sets check their frames
 
 
 def _body_axes(frame: BagFrame) -> FloatArray:
@@ -239,7 +245,7 @@ class _Assembly:
             velocity=velocity,
             heading=self.heading(),
             origin=self.origin,
-            start_utc=UNIX_EPOCH + timedelta(microseconds=round(self.zero_ns / 1000)),
+            start_utc=utc_of(self.zero_ns, 0.0),
             static_start_s=rest_s,
             outages_s=np.array(metadata.outages_s if metadata else ()).reshape(-1, 2),
             notes=self.dependence(),
@@ -307,7 +313,12 @@ class _Assembly:
         if messages is None:
             return None
         require_known("velocity_frame", frame, VELOCITY_FRAMES)
-        messages, absent = self.with_velocity_covariance(messages)
+        stated = messages.values.get("linear_covariance", np.zeros((len(messages), 9)))
+        absent = stated[:, [0, 4, 8]] < 0
+        unused = (absent[:, :, None] | absent[:, None, :]).reshape(-1, 9)
+        messages = messages.with_values(velocity_covariance=np.where(unused, np.eye(3).ravel(), stated))
+        sigma = self.options.velocity_sigma_mps
+        messages = sound_covariances(messages, self.found, "velocity_covariance", sigma, "velocity_sigma_mps")
         mps = np.where(absent, np.nan, messages["linear"])
         covariance = messages["velocity_covariance"].reshape(-1, 3, 3)
         t_s, latency_s = self.seconds(messages), self.options.velocity_latency_s
@@ -323,17 +334,6 @@ class _Assembly:
             sigma_mps = float(np.sqrt(np.median(covariance[:, 0, 0])))
             return Velocity.along_course(t_s - latency_s[0], mps[:, 0], sigma_mps)
         return Velocity(t_s - latency_s[0], mps, covariance, "speed" if frame == "course" else "body")
-
-    def with_velocity_covariance(self, messages: Messages) -> tuple[Messages, BoolArray]:
-        """Return the messages with valid velocity covariances, and a mask (n, 3) of axes that were not measured."""
-        n, sigma = len(messages), self.options.velocity_sigma_mps
-        stated = messages.values.get("linear_covariance", np.zeros((n, 9)))
-        absent = stated[:, [0, 4, 8]] < 0
-        unused = (absent[:, :, None] | absent[:, None, :]).reshape(n, 9)
-        stated = np.where(unused, np.eye(3).ravel(), stated)
-        messages = messages.with_values(velocity_covariance=stated, absent=absent.astype(np.float64))
-        messages = sound_covariances(messages, self.found, "velocity_covariance", sigma, "velocity_sigma_mps")
-        return messages, messages["absent"] > 0
 
     def heading(self) -> Heading | None:
         """Return the headings: the yaw of the orientations, and its standard deviation from their covariance."""

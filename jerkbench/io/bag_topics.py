@@ -1,14 +1,13 @@
-"""The role of each topic of a bag, which is set by the user, stored by jerkbench's writer, or guessed."""
+"""Topics of a bag: their roles, the metadata that jerkbench writes, and the cleaning of their messages."""
 
 import json
-import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Literal, Self, get_args
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
+from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.io.bag import (
     FIX,
@@ -21,22 +20,37 @@ from jerkbench.io.bag import (
     TWIST_COVARIANCE,
     VECTOR,
     Bag,
-    Topic,
+    Messages,
 )
-from jerkbench.io.sanitiser import UNDATED, require_origin, undated
+from jerkbench.io.sanitiser import (
+    HELD,
+    MAX_DAMAGED,
+    MAX_MPS,
+    MAX_MPS2,
+    MAX_RADPS,
+    UNDATED,
+    beyond,
+    drop_notes,
+    frozen_rows,
+    held_rows,
+    ordered_rows,
+    possible_rows,
+    require_origin,
+    steady_rows,
+    undated,
+    unit_quaternions,
+)
 
 Role = Literal["imu", "position", "velocity", "heading", "reference"]
 ROLES: tuple[Role, ...] = get_args(Role)
 HeadingSource = Literal["dual_antenna", "odometry", "course"]
-NONE = "none"
-"""Value of a topic parameter if no topic has the role."""
 
 _COORDINATES = ("status", "latitude", "longitude", "altitude", "position_covariance")
 _POSE = ("position", "orientation")
 """Fields that are zero in the messages of an odometry that has not started."""
 
 _PLACES, _LINEAR = (*_POSE, "position_covariance"), ("linear", "linear_covariance")
-_FIELDS: dict[Role, dict[str, tuple[str, ...]]] = {
+ROLE_FIELDS: dict[Role, dict[str, tuple[str, ...]]] = {
     "imu": {IMU: ("angular_velocity", "linear_acceleration")},
     "position": {FIX: _COORDINATES, ODOMETRY: _PLACES, POSE_COVARIANCE: _PLACES},
     "velocity": {ODOMETRY: (*_POSE, *_LINEAR), TWIST_COVARIANCE: _LINEAR, TWIST: ("linear",), VECTOR: ("linear",)},
@@ -88,7 +102,7 @@ class TopicPlan:
         """
         wanted: dict[str, dict[str, None]] = {}
         for role, name in self.topics.items():
-            topic, types = bag.topic(name), _FIELDS[role]
+            topic, types = bag.topic(name), ROLE_FIELDS[role]
             if topic.msgtype not in types:
                 suitable = ", ".join(other.name for other in bag.topics if other.msgtype in types) or "none"
                 raise RecordingError(
@@ -165,23 +179,6 @@ class Metadata:
         return json.dumps({name: value for name, value in values.items() if name != "plan"}, sort_keys=True)
 
 
-# Functions that guess the topic of a role.
-
-_SAMPLE = 200
-"""Number of messages that are read to guess a role."""
-
-GRAVITY_BETWEEN_MPS2 = (5.0, 15.0)
-"""Range of the median norm of the specific force of an IMU that measures gravity."""
-
-ONE_G_WITHIN = 0.1
-"""Maximum difference between the median norm of the specific force and 1 for an IMU that measures in g."""
-
-OF_FIXPOSITION = ("/poiimu", "/odometry_ecef")
-LIKE_FIXPOSITION = (
-    "The topics have the names of a Fixposition: use dataset=fixposition, which uses the correct order of covariances"
-    " and marks the topics that are not independent."
-)
-
 EARTH_RADIUS_M = (6.3e6, 6.4e6)
 """Range of the median distance from the centre of the Earth [m] in which positions are regarded as ECEF."""
 
@@ -193,85 +190,207 @@ def is_ecef(position_m: FloatArray) -> bool:
     return bool(EARTH_RADIUS_M[0] < radius_m < EARTH_RADIUS_M[1])
 
 
-_TRUTH = re.compile(r"(?:^|[/_])(?:gt|truth|ground_?truth)(?:[/_]|$)")
-"""Names of topics with a reference. Such a topic is guessed as a measurement only if there is no other topic."""
+# Cleaning of the messages: faulty messages are repaired or dropped, and each kind of fault is counted.
+
+RETAINED = "retained"
+
+EARLIEST_NS = 946_684_800_000_000_000
+"""Start of the year 2000. Earlier stamps are of a clock that was not set and started in 1970 or 1980."""
+
+FAR_NS = 10_000_000_000
+"""Maximum difference between the delay of a message (recording time minus stamp) and the median delay.
+
+If the difference is larger, the stamp is damaged.
+"""
+
+_GAP = 2.5
+"""A step between stamps is a gap if it is longer than the median step by more than this factor."""
+
+_LIMITS = {
+    "linear_acceleration": ("a specific force", MAX_MPS2, "m/s2"),
+    "angular_velocity": ("an angular rate", MAX_RADPS, "rad/s"),
+    "coordinates": ("a position", np.inf, ""),
+    "position": ("a position", np.inf, ""),
+    "linear": ("a velocity", MAX_MPS, "m/s"),
+}
+"""Name in notes, maximum plausible value and unit of each field. Positions are checked by `possible_rows` instead."""
 
 
-def guessed_topics(bag: Bag, named: Mapping[Role, str]) -> tuple[dict[Role, str], tuple[str, ...]]:
-    """Return the topic of each role, and a note for each guessed topic.
+@dataclass
+class BagNotes:
+    """Counts the faults of the messages of a bag.
 
-    The topic of the reference is never guessed as the topic of a measurement.
+    Attributes:
+        plan: roles of the topics, which name the topics in the notes.
+        start_ns: time of the first recorded message, by the clock of the recording computer [ns].
+        notes: one note for each kind of fault of each topic.
+    """
 
-    Args:
-        bag: the open bag.
-        named: for each role, the name of its topic, `NONE` for no topic, or an empty string to guess the topic. The
-            topics of heading and reference are never guessed.
+    plan: TopicPlan
+    start_ns: int
+    notes: list[str] = field(default_factory=list)
+
+    def add(self, messages: Messages, fault: str, rows: BoolArray, done: str) -> None:
+        """Add a note with the number of messages in the mask ``rows``, their ``fault`` and their treatment ``done``."""
+        since_s = np.asarray((messages.bag_ns - self.start_ns) * 1e-9)
+        self.notes += drop_notes(self.plan.label(messages.topic), {fault: rows}, done, since_s)
+
+    def drop(self, messages: Messages, fault: str, rows: BoolArray) -> Messages:
+        """Drop the messages in the mask ``rows`` (n,), and add a note with their number and their ``fault``."""
+        self.add(messages, fault, rows, "dropped")
+        return messages.rows(~rows) if rows.any() else messages
+
+
+def clean_topics(raw: dict[str, Messages], plan: TopicPlan, *, bag_time: bool) -> tuple[dict[str, Messages], BagNotes]:
+    """Return the messages of each topic with valid stamps and plausible values, and notes about the faults.
+
+    A stamp before the year 2000 is replaced by the recording time minus the median delay of the valid stamps of the
+    topic. If a topic has no valid stamps, the median of the delays of the other topics is used. If ``bag_time`` is
+    True, the recording times replace all stamps. The function empties ``raw`` to save memory.
 
     Raises:
-        RecordingError: no IMU measures gravity, or no topic has positions.
+        RecordingError: fewer than two messages of a topic are left, or the stamps of a topic come from several clocks.
     """
-    topics: dict[Role, str] = {}
-    notes: list[str] = []
-    guesses = {"imu": _imu, "position": _position, "velocity": _velocity}
-    for role in ROLES:
-        name = named.get(role, "")
-        if not name and role in guesses:
-            name, why = guesses[role](bag, named.get("reference", ""))
-            notes.append(why)
-        if name not in ("", NONE):
-            topics[role] = name
-    truths = [topic.name for topic in bag.topics if _TRUTH.search(topic.name) and topic.msgtype in _FIELDS["reference"]]
-    if truths and "reference" not in topics:
-        notes.append(f"The name of {truths[0]} suggests a reference; if it is one, set reference_topic={truths[0]}.")
-    if notes and any(topic.name.endswith(OF_FIXPOSITION) for topic in bag.topics):
-        notes.append(LIKE_FIXPOSITION)
-    return topics, tuple(notes)
+    notes = BagNotes(plan, min((int(m.bag_ns[0]) for m in raw.values() if len(m)), default=0))
+    good = {topic: (m.bag_ns - m.stamp_ns)[m.stamp_ns >= EARLIEST_NS] for topic, m in raw.items()}
+    delays = {topic: int(np.median(delay)) for topic, delay in good.items() if len(delay)}
+    otherwise = int(np.median(list(delays.values()))) if delays else 0
+    clean = {}
+    for topic in list(raw):
+        messages, label = raw.pop(topic), plan.label(topic)
+        if bag_time:
+            messages = messages.stamped(messages.bag_ns)
+        else:
+            early, delay_ns = messages.stamp_ns < EARLIEST_NS, delays.get(topic, otherwise)
+            done = f"replaced by the time of recording less {delay_ns * 1e-9:.3f} s"
+            notes.add(messages, "a stamp before 2000", early, done)
+            messages = messages.stamped(np.where(early, messages.bag_ns - delay_ns, messages.stamp_ns))
+        messages = _near(notes.drop(messages, UNDATED, undated(messages.stamp_ns)), notes)
+        messages = _possible(messages, plan, notes)
+        order, of_order = ordered_rows(label, messages.stamp_ns)
+        messages = messages.rows(order)
+        notes.notes += of_order
+        _count_gaps(messages, notes)
+        if len(messages) < 2:
+            said = " ".join(note for note in notes.notes if note.startswith(label)) or "No message was dropped."
+            raise RecordingError(f"{label}: {len(messages)} usable messages are left; at least 2 are needed. {said}")
+        clean[topic] = messages
+    return clean, notes
 
 
-def _imu(bag: Bag, _: str) -> tuple[str, str]:
-    candidates, in_g = _by_count(bag, IMU, ""), []
-    for topic in candidates:
-        force = bag.first(topic.name, "linear_acceleration", _SAMPLE)
-        with np.errstate(over="ignore"):  # damaged values may cause an overflow
-            length = float(np.median(np.linalg.norm(force, axis=1))) if len(force) else 0.0
-        if GRAVITY_BETWEEN_MPS2[0] < length < GRAVITY_BETWEEN_MPS2[1]:
-            return _guessed_topic("IMU", topic, f"it measures {length:.2f} m/s2", candidates)
-        if abs(length - 1.0) < ONE_G_WITHIN:
-            in_g.append(_guessed_topic("IMU", topic, f"it measures {length:.2f}, which is gravity in g", candidates))
-    if in_g:
-        return in_g[0]
-    names = ", ".join(topic.name for topic in candidates)
-    raise RecordingError(
-        f"{bag.path} has no IMU topic that measures gravity (IMU topics: {names or 'none'}); set imu_topic."
-    )
+def _near(messages: Messages, notes: BagNotes) -> Messages:
+    """Drop messages whose delay (recording time minus stamp) is far from the median delay.
+
+    If the delays of more than 10 % of the messages are far from the median delay, all messages are returned, because
+    the stamps then come from another clock.
+    """
+    delay = messages.bag_ns - messages.stamp_ns
+    far = np.abs(delay - (np.median(delay).astype(np.int64) if len(messages) else 0)) > FAR_NS
+    fault = "a stamp far from the time of recording"
+    if far.sum() <= MAX_DAMAGED * len(far):
+        return notes.drop(messages, fault, far)
+    notes.add(messages, f"{fault} (different clock)", far, RETAINED)
+    return messages
 
 
-def _position(bag: Bag, reference: str) -> tuple[str, str]:
-    candidates = _by_count(bag, FIX, reference)
-    for topic in candidates:
-        if (bag.read({topic.name: _COORDINATES})[topic.name]["status"] >= 0).any():
-            return _guessed_topic("positions", topic, "it has fixes", candidates)
-    raise RecordingError(
-        f"{bag.path} has no topic with GNSS fixes (sensor_msgs/NavSatFix); set position_topic, for example to an"
-        f" odometry in ECEF, ENU or NED. Topics: {', '.join(f'{t.name} ({t.msgtype})' for t in bag.topics)}."
-    )
+def _possible(messages: Messages, plan: TopicPlan, notes: BagNotes) -> Messages:
+    fields, label = messages.values, plan.label(messages.topic)
+    if "status" in fields:
+        messages = notes.drop(messages, "status -1 (no fix)", messages["status"][:, 0] < 0)
+    if "latitude" in fields:
+        messages = messages.with_values(coordinates=places_of(messages))
+    for name in [name for name in messages.values if name in _LIMITS]:
+        what, most, unit = _LIMITS[name]
+        finite = np.asarray(np.isfinite(messages[name]).all(axis=1))
+        messages = notes.drop(messages, f"{what} that is NaN or infinite", ~finite)
+        messages = notes.drop(messages, f"{what} beyond {most:g} {unit}", beyond(messages[name], most))
+    if messages.msgtype == IMU and "imu" in plan.roles(messages.topic):
+        return notes.drop(messages, "a frozen angular rate", frozen_rows(messages["angular_velocity"]))
+    if "orientation" in fields and "position" in fields:
+        unit_length = unit_quaternions(messages["orientation"])
+        if unit_length.any():  # otherwise, the topic has no orientations
+            messages = notes.drop(messages, "an orientation that is not a unit quaternion", ~unit_length)
+    if "latitude" in fields or "position" in fields:
+        places = places_of(messages)
+        frame = "geodetic" if "latitude" in fields else "ecef" if is_ecef(places) else "enu"
+        rows, of_places = possible_rows(label, places=places, frame=frame)
+        messages = messages.rows(rows)
+        notes.notes += of_places
+    return messages
 
 
-def _velocity(bag: Bag, reference: str) -> tuple[str, str]:
-    for msgtype in (TWIST_COVARIANCE, ODOMETRY):
-        candidates = _by_count(bag, msgtype, reference)
-        for topic in candidates:
-            if bag.read({topic.name: ("linear",)})[topic.name]["linear"].any():  # some nodes leave this field at 0
-                return _guessed_topic("velocities", topic, "the most messages", candidates)
-    return NONE, "No topic gives velocities (an odometry or a twist with covariance)."
+def _count_gaps(messages: Messages, notes: BagNotes) -> None:
+    """Add a note that counts the steps between stamps that are longer than 2.5 times the median step."""
+    if len(messages) > 2:
+        steps = np.diff(messages.stamp_ns)
+        wide = np.concatenate([[False], steps > _GAP * np.median(steps)])
+        notes.add(messages, f"a gap before them, up to {steps.max() * 1e-9:.2f} s", wide, RETAINED)
 
 
-def _by_count(bag: Bag, msgtype: str, reference: str) -> list[Topic]:
-    topics = [topic for topic in bag.topics if topic.msgtype == msgtype and topic.count and topic.name != reference]
-    return sorted(topics, key=lambda topic: (bool(_TRUTH.search(topic.name)), -topic.count))
+def places_of(messages: Messages) -> FloatArray:
+    """Return the positions (n, 3) of poses [m], or the latitudes, longitudes [deg] and heights [m] of fixes."""
+    if "position" in messages.values:
+        return messages["position"]
+    return np.column_stack([messages[name] for name in ("latitude", "longitude", "altitude")])
 
 
-def _guessed_topic(quantity: str, topic: Topic, why: str, candidates: list[Topic]) -> tuple[str, str]:
-    rejected = [candidate.name for candidate in candidates if candidate is not topic]
-    more = f"; not {', '.join(rejected)}" if rejected else ""
-    return topic.name, f"Topic of the {quantity}, guessed: {topic.name} ({topic.count} messages; {why}{more})."
+_ROUNDING = 1e-6
+"""Maximum relative asymmetry of a covariance that is caused by rounding."""
+
+MIN_FIX_VARIANCE, MAX_FIX_VARIANCE = 1e-14, 1e12
+"""Range of valid variances. A smaller variance (0.1 micrometres) is a placeholder; a receiver without a fix writes
+values such as 1e20."""
+
+
+def sound_covariances(
+    messages: Messages, notes: BagNotes, name: str, sigma: Sequence[float], parameter: str
+) -> Messages:
+    """Symmetrise the covariances (n, 9) of the field ``name``, and replace invalid covariances.
+
+    The replacement is a diagonal covariance with the standard deviations ``sigma``. If ``sigma`` is empty, the
+    replacement is the valid covariance of the topic with the median trace.
+
+    Raises:
+        RecordingError: no row has a valid covariance, and ``sigma`` is empty. The error message names ``parameter``,
+            the option that sets ``sigma``.
+    """
+    matrices = messages[name].reshape(-1, 3, 3)
+    symmetric = 0.5 * (matrices + matrices.transpose(0, 2, 1))
+    good = _is_covariance(matrices, symmetric)
+    if not good.any() and len(messages) and not sigma:
+        raise RecordingError(
+            f"{notes.plan.label(messages.topic)}: none of the {len(messages)} rows has a valid covariance (all are"
+            f" zero, NaN or not positive definite); set {parameter} to the standard deviations of the three axes."
+        )
+    replacement, done = np.diag(np.square(sigma)), "replaced by sigmas of " + ", ".join(f"{s:g}" for s in sigma)
+    if not sigma:
+        traces = np.trace(symmetric[good], axis1=1, axis2=2)
+        replacement = symmetric[good][np.argsort(traces)[len(traces) // 2]]
+        done = "replaced by the stream's median covariance"
+    notes.add(messages, f"a {name.replace('_', ' ')} that is zero, NaN or not positive definite", ~good, done)
+    return messages.with_values(**{name: np.where(good[:, None, None], symmetric, replacement).reshape(-1, 9)})
+
+
+def _is_covariance(matrices: FloatArray, symmetric: FloatArray) -> BoolArray:
+    size = np.abs(symmetric).max(axis=(1, 2), initial=0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        asymmetry = np.abs(matrices - symmetric).max(axis=(1, 2), initial=0)
+        usable = (size < MAX_FIX_VARIANCE) & (asymmetry <= _ROUNDING * size)  # comparisons with NaN are false
+    lowest = np.linalg.eigvalsh(np.where(usable[:, None, None], symmetric, 0.0))[:, 0]
+    return np.asarray(usable & (lowest > MIN_FIX_VARIANCE))
+
+
+def steady_fixes(messages: Messages, frame: str, notes: BagNotes) -> Messages:
+    """Drop messages whose position in ``frame`` is far from its neighbours, or repeats the previous position.
+
+    Raises:
+        RecordingError: fewer than two messages are left.
+    """
+    label, places = notes.plan.label(messages.topic), places_of(messages)
+    steady, of_leaps = steady_rows(label, np.asarray(messages.stamp_ns * 1e-9), places, frame)
+    messages = messages.rows(steady)
+    notes.notes += of_leaps
+    messages = notes.drop(messages, HELD, held_rows(places_of(messages)))
+    if len(messages) < 2:
+        raise RecordingError(f"{label}: {len(messages)} usable positions are left; at least 2 are needed.")
+    return messages

@@ -1,6 +1,8 @@
-"""Columns of numbers, selected by name or number, with the stamps of the rows."""
+"""Columns of numbers: text files of columns, selection by name or number, and the stamps of the rows."""
 
+import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,14 +11,15 @@ import numpy.typing as npt
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError, unknown
-from jerkbench.io.clocks import GPS_EPOCH_NS, WEEK_NS
+from jerkbench.io.conversions import GPS_EPOCH_NS, WEEK_NS
+from jerkbench.io.files import SAMPLE, is_number, require_content
 from jerkbench.io.sanitiser import (
     MAX_DATE_NS,
+    MAX_NUMBER,
     MIN_DATE_NS,
     ordered_rows,
     require_fractions,
 )
-from jerkbench.io.text import MAX_NUMBER
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -227,3 +230,139 @@ def times_ns(columns: Columns, name: str, unit: str, week: str) -> IntArray:
     """
     t_ns = columns.stamps_ns(name, unit)
     return t_ns + columns.stamps_ns(week, "week") if week else t_ns
+
+
+# The first and the last line of a log may be truncated, because the logger was switched on or off.
+
+AROUND = 20
+"""Number of neighbouring lines with which the first line and the last line are compared."""
+
+MIN_LINES = 4
+"""Minimum number of lines in which a truncated line can be identified."""
+
+
+def cut_ends(lines: Sequence[str], separator: str | None) -> tuple[bool, bool]:
+    """Return whether the first and the last of ``lines`` are truncated.
+
+    A line is truncated if it has fewer fields than each of its neighbours. A line is also truncated if its outer field
+    (the first field of the first line, the last field of the last line) is not a number, but the same field of each
+    neighbour is a number. A line of column names does not count as truncated.
+
+    Args:
+        lines: lines of data, in the order of the file.
+        separator: separator of the fields, or None for white space.
+    """
+    if len(lines) < MIN_LINES:
+        return False, False
+    around = min(AROUND, len(lines) - 2)
+    after = [line.split(separator) for line in lines[: around + 1]]
+    before = [line.split(separator) for line in lines[-around - 1 :]]
+    return _cut(after[0], after[1:], 0), _cut(before[-1], before[:-1], -1)
+
+
+def cut_note(name: str, *, first: bool, last: bool) -> tuple[str, ...]:
+    """Return a note if the ``first`` or ``last`` row of the file ``name`` was dropped, otherwise an empty tuple."""
+    which = [end for end, cut in (("first", first), ("last", last)) if cut]
+    if not which:
+        return ()
+    rows = "rows are" if which[1:] else "row is"
+    return (f"{name}: the {' and the '.join(which)} {rows} truncated: {len(which)} dropped.",)
+
+
+def _cut(row: Sequence[str], neighbours: Sequence[Sequence[str]], end: int) -> bool:
+    if len(row) < min(map(len, neighbours)):
+        return True
+    names = not any(map(is_number, row))
+    return not names and not is_number(row[end]) and all(is_number(neighbour[end]) for neighbour in neighbours)
+
+
+# A text file of columns: header lines, lines of data, and truncated lines.
+
+HEADER_LINES = 100
+"""Maximum number of lines above the data."""
+
+PART_OF_NUMBERS = 0.5
+"""Minimum fraction of fields of a line of data that are numbers or empty."""
+
+_MARKS = "#%/! "
+"""Characters that a line of names may start with."""
+
+
+@dataclass(frozen=True)
+class TextFormat:
+    """The format of a text file of columns, which is not used for Parquet and MATLAB files.
+
+    Attributes:
+        separator: separator of the columns, or empty for white space.
+        header: whether a line above the data names the columns. The header is the first line with as many fields as the
+            data. Other lines above the data, such as a title or the units, are ignored. Without a line above the data,
+            the columns are numbered.
+        comment: start of the lines that are ignored, or empty to ignore no lines.
+    """
+
+    separator: str = ","
+    header: bool = True
+    comment: str = ""
+
+    def fields(self, line: str) -> list[str]:
+        """Return the fields of a line without surrounding white space."""
+        return [field.strip() for field in line.strip("\r\n").split(self.separator or None)]
+
+
+def read_text(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, ...]]:
+    """Read a text file of columns. Return the table, and a note that counts truncated rows, if any.
+
+    Raises:
+        RecordingError: the file is missing or empty.
+        ValueError: pandas cannot read the file (ParserError, UnicodeError and others are subclasses).
+    """
+    import pandas as pd
+
+    require_content(path)
+    lines, tail = _sample(path)
+    use = [k for k, line in enumerate(lines) if line.strip() and not (text.comment and line.startswith(text.comment))]
+    data = next((k for k in use[:HEADER_LINES] if _is_data(lines[k], text)), None)
+    first = last = False
+    named, skipped = text.header, []
+    if data is not None:
+        above = [k for k in use if k < data]
+        names = _naming(above, lines, data, text) if text.header else None
+        rows = [lines[k] for k in use if k >= data] + [line for line in tail if line.strip()]
+        named = names is not None  # the first row below a header is never truncated
+        first, last = (cut and not (named and k == 0) for k, cut in enumerate(cut_ends(rows, text.separator or None)))
+        skipped = [k for k in above if k != names] + ([data] if first else [])
+    table = pd.read_csv(
+        path,
+        sep=text.separator or r"\s+",
+        header=0 if named else None,
+        comment=text.comment or None,
+        skiprows=skipped,
+        skipinitialspace=True,
+        index_col=False,
+        low_memory=False,
+    )
+    if last and len(table):
+        table = table.iloc[:-1].infer_objects()
+    return table, cut_note(path.name, first=first, last=last)
+
+
+def _sample(path: Path) -> tuple[list[str], list[str]]:
+    """Return complete lines from the start of a file and, if the file is long, complete lines from its end."""
+    with path.open("rb") as file:
+        head = file.read(SAMPLE)
+        file.seek(max(len(head), path.stat().st_size - SAMPLE))
+        blocks = [block.decode("utf-8", errors="replace") for block in (head, file.read())]
+    lines, after = (re.split(r"\r\n|\r|\n", block) for block in blocks)
+    return (lines[:-1], after[1:]) if blocks[1] else (lines, [])
+
+
+def _is_data(line: str, text: TextFormat) -> bool:
+    fields = text.fields(line)
+    return sum(not field or is_number(field) for field in fields) > PART_OF_NUMBERS * len(fields) and any(fields)
+
+
+def _naming(above: Sequence[int], lines: Sequence[str], data: int, text: TextFormat) -> int | None:
+    """Return the index of the header: the first line with as many fields as the data, or the line above the data."""
+    count = len(text.fields(lines[data]))
+    fitting = [k for k in above if len(text.fields(lines[k].lstrip(_MARKS))) == count]
+    return fitting[0] if fitting else above[-1] if above else None

@@ -1,4 +1,4 @@
-"""Search for the files of a recording, hashes of these files, and the folder of fetched recordings."""
+"""Files of a recording: search, hashes, bytes and lines, and the folder of fetched recordings."""
 
 import hashlib
 import os
@@ -93,6 +93,61 @@ def _version(path: Path) -> tuple[int, ...]:
 def _sha256(path: Path, version: tuple[int, ...]) -> str:  # noqa: ARG001 - the key of the cache
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+# The content of a file, as bytes or lines.
+
+SAMPLE = 1 << 17
+"""Number of bytes that are examined at once before a file is read."""
+
+Line = tuple[int, str]
+"""A line's number in its file (from 1) and its text."""
+
+
+def require_content(path: Path) -> None:
+    """Check that the file is readable and not empty.
+
+    Raises:
+        RecordingError: the file does not exist, cannot be read, or contains only white space.
+    """
+    try:
+        with path.open("rb") as file:
+            blank = not any(block.strip() for block in iter(lambda: file.read(SAMPLE), b""))
+    except FileNotFoundError as error:
+        raise RecordingError(f"There is no file {path}; check the folder and the file's name.") from error
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read: {error.strerror}.") from error
+    if blank:
+        raise RecordingError(f"{path} is empty; copy the file again from its source.")
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return the content of a file, which must not be empty.
+
+    Raises:
+        RecordingError: the file does not exist, cannot be read, or is empty.
+    """
+    require_content(path)
+    return path.read_bytes()
+
+
+def read_lines(path: Path) -> list[Line]:
+    """Return the lines of a file that are not blank. Non-ASCII bytes become a replacement character.
+
+    Raises:
+        RecordingError: the file does not exist, cannot be read, or is empty.
+    """
+    text = read_bytes(path).decode("ascii", errors="replace")
+    return [(number, line) for number, line in enumerate(text.split("\n"), start=1) if line.strip()]
+
+
+def is_number(entry: str) -> bool:
+    """Return whether an entry is a number. Python numbers with underscores, such as 1_000, do not count."""
+    try:
+        float(entry)
+    except ValueError:
+        return False
+    return "_" not in entry
 
 
 # The folders of fetched recordings.

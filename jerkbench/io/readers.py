@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jerkbench.errors import RecordingError
-from jerkbench.io.clocks import GPST_MINUS_UTC_S
-from jerkbench.io.columns import Columns
-from jerkbench.io.rtklib import read_pos
-from jerkbench.io.text import TextFormat, read_text, require_content
-from jerkbench.io.tracks import track_reader
+from jerkbench.io.columns import Columns, TextFormat, read_text
+from jerkbench.io.conversions import GPST_MINUS_UTC_S
+from jerkbench.io.files import require_content
+from jerkbench.io.tracks import read_pos, track_reader
 
 if TYPE_CHECKING:
     import h5py

@@ -1,6 +1,7 @@
-"""Checks of arrays from any reader: impossible positions, dates and stamps, repeated values, and sizes of files."""
+"""Checks of arrays from any reader: impossible positions, dates and stamps, repeated values, and common times."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,11 @@ import numpy.typing as npt
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import ecef_to_geodetic
-from jerkbench.io.frames import ACCEL_UNITS, GYRO_UNITS, axes_to_judge, gravity_notes
-from jerkbench.io.text import require_possible
-from jerkbench.recording import Imu
+from jerkbench.io.conversions import ACCEL_UNITS, GYRO_UNITS, axes_to_judge, gravity_notes
+from jerkbench.recording import Imu, Recording
+
+MAX_NUMBER = 1e15
+"""Maximum plausible measurement on a vehicle. A larger value is damaged and may overflow when it is squared."""
 
 MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90.0, 360.0
 MIN_HEIGHT_M, MAX_HEIGHT_M = -1000.0, 20_000.0
@@ -66,13 +69,10 @@ back."""
 
 def require_origin(owner: str, origin: tuple[float, ...]) -> None:
     """Raise a PluginError if ``origin`` is not empty and not a position on Earth."""
-    if len(origin) not in (0, 3):
+    if origin and (len(origin) != 3 or np.isnan(origin).any() or off_earth(np.array([origin]), "geodetic").any()):
+        wrong = f"{origin}, which is not on Earth" if len(origin) == 3 else f"{origin}"
         raise PluginError(
-            f"{owner}: origin is {origin}; give latitude [deg], longitude [deg] and height [m], or leave origin empty."
-        )
-    if origin and (np.isnan(origin).any() or off_earth(np.array([origin]), "geodetic").any()):
-        raise PluginError(
-            f"{owner}: origin is {origin}, which is not on Earth; give latitude [deg], longitude [deg] and height [m]."
+            f"{owner}: origin is {wrong}; give latitude [deg], longitude [deg] and height [m], or leave origin empty."
         )
 
 
@@ -218,6 +218,17 @@ def held_rows(values: FloatArray) -> BoolArray:
     return np.asarray((since % period != 0) | ((since != 0) & (lengths[run] - since < period / 2)))
 
 
+def require_possible(where: str, values: FloatArray, most: float) -> None:
+    """Check that no absolute value exceeds ``most``. NaN is allowed.
+
+    Raises:
+        RecordingError: an absolute value exceeds ``most``. The error message names ``where`` and the first row with
+            such a value.
+    """
+    for row in np.flatnonzero(beyond(values.reshape(len(values), -1), most)):
+        raise RecordingError(f"{where}, row {row + 1} has a value beyond {most:g}; it is damaged or in another unit.")
+
+
 def beyond(values: FloatArray, most: float) -> BoolArray:
     """Return a mask (n,) of the rows of ``values`` (n, k) that contain an absolute value larger than ``most``."""
     return np.asarray((np.abs(values) > most).any(axis=1))
@@ -356,3 +367,64 @@ def _over_limit(t_s: FloatArray, axis_m: FloatArray) -> FloatArray:
     around = np.clip(np.arange(n), 2, n - 3)[:, None] + np.arange(-2, 3)  # the five nearest rows
     span_s = t_s[around[:, -1]] - t_s[around[:, 0]]
     return np.asarray(np.abs(axis_m - np.median(axis_m[around], axis=1)) / (LEAP_M + LEAP_MPS * span_s))
+
+
+# Check that the streams of a recording overlap in time. Streams that do not overlap have different clocks or drives.
+
+
+def with_common_time(recording: Recording, way_out: str) -> Recording:
+    """Return the recording, after a check that each stream overlaps in time with the IMU.
+
+    In a recording without an IMU, each stream must overlap in time with the positions.
+
+    Args:
+        recording: the recording to check.
+        way_out: advice at the end of the error message; it starts with the word "check".
+
+    Raises:
+        RecordingError: two streams do not overlap. The message contains the times of both streams.
+    """
+    known = None if recording.reference.empty else recording.reference
+    measured = recording.position, recording.velocity, recording.heading
+    streams = dict(zip(("positions", "velocities", "headings", "reference"), (*measured, known), strict=True))
+    clock_s, whose = recording.clock_s, "IMU"
+    if recording.imu is None and recording.position is not None:
+        clock_s, whose = recording.position.t_s, "positions"
+    for name, stream in streams.items():
+        if stream is None or not len(stream.t_s):
+            continue
+        if stream.t_s[0] > clock_s[-1] or clock_s[0] > stream.t_s[-1]:
+            raise RecordingError(
+                f"{recording.name}: the {name} ({stream.t_s[0]:.3f} to {stream.t_s[-1]:.3f} s) and the {whose}"
+                f" ({clock_s[0]:.3f} to {clock_s[-1]:.3f} s) do not overlap in time; {way_out}."
+            )
+    return recording
+
+
+# Outages that occurred during the recording.
+
+
+def with_recorded_outages(recording: Recording, shortest_s: float) -> Recording:
+    """Return the recording with an outage for each gap between two fixes that is longer than ``shortest_s``.
+
+    Args:
+        recording: the recording; its existing outages are preserved.
+        shortest_s: minimum length of an added outage [s], or 0 to add no outages.
+
+    Raises:
+        RecordingError: the reference has no positions in the gaps, for example because the fixes are the reference.
+    """
+    if not shortest_s or recording.position is None:
+        return recording
+    fix_s = recording.position.t_s[np.isfinite(recording.position.enu_m[:, :2]).all(axis=1)]
+    long = np.flatnonzero(np.diff(fix_s) > shortest_s)
+    windows_s = np.column_stack([fix_s[long], fix_s[long + 1]])
+    begin_s, end_s = recording.outages_s[:, 0], recording.outages_s[:, 1]
+    windows_s = windows_s[~((windows_s[:, :1] < end_s) & (windows_s[:, 1:] > begin_s)).any(axis=1)]
+    truth_s = recording.reference.t_s if recording.reference.enu_m is not None else np.empty(0)
+    if len(windows_s) and not ((truth_s > windows_s[:, :1]) & (truth_s < windows_s[:, 1:])).any():
+        raise RecordingError(
+            f"{recording.name}: outage_s is {shortest_s:g}, but the reference has no position in any of the"
+            f" {len(windows_s)} gaps between fixes; give a separate reference, or set outage_s=0."
+        )
+    return replace(recording, outages_s=np.concatenate([recording.outages_s, windows_s]))

@@ -12,26 +12,27 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray, positive_definite, require_lengths
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, enu_axes, euler_from_dcm
-from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH
-from jerkbench.io.columns import TIME_UNITS, Columns, times_ns
-from jerkbench.io.files import find_files, named_folder
-from jerkbench.io.frames import (
+from jerkbench.io.columns import TIME_UNITS, Columns, TextFormat, cut_note, times_ns
+from jerkbench.io.conversions import (
     ACCEL_UNITS,
     ANGLE_UNITS,
     FLU_FROM_FRD,
     FRAMES,
+    GPS_EPOCH_NS,
+    GPST_MINUS_UTC_S,
     GYRO_UNITS,
     HEIGHT_UNITS,
     SPEED_UNITS,
+    UNIX_EPOCH,
     axes_matrix,
     covariance_in_enu,
     enu_from,
     rotated_covariance,
 )
+from jerkbench.io.files import find_files, named_folder
 from jerkbench.io.readers import SOLUTION, read_columns
-from jerkbench.io.rtklib import POS_COVARIANCE, POS_POSITION, POS_VELOCITY, POS_VELOCITY_COVARIANCE
 from jerkbench.io.sanitiser import MIN_DATE_NS, drop_notes, possible_rows
-from jerkbench.io.text import TextFormat, cut_note
+from jerkbench.io.tracks import POS_COVARIANCE, POS_POSITION, POS_VELOCITY, POS_VELOCITY_COVARIANCE
 from jerkbench.recording import Origin, Reference
 
 _RTKLIB = [0, 3, 5, 3, 1, 4, 5, 4, 2]
@@ -153,7 +154,6 @@ def read_attitude(
     return euler_rad
 
 
-EPOCHS = ("gps", "none", "unix")
 COVARIANCE_FRAMES = ("enu", "ned", "ecef")
 
 _STREAMS = ("position", "velocity", "reference")
@@ -170,7 +170,7 @@ CHOICES = {
     "reference_height_unit": ("", *HEIGHT_UNITS),
     "reference_velocity_frame": ("", "enu", "ned"),
     "velocity_unit": tuple(SPEED_UNITS),
-    "epoch": EPOCHS,
+    "epoch": ("gps", "none", "unix"),
     "attitude_frame": ("", "enu", "ned"),
     **dict.fromkeys(("position_frame", "reference_frame"), FRAMES),
     "position_covariance_frame": COVARIANCE_FRAMES,
@@ -179,14 +179,10 @@ CHOICES = {
 }
 """Allowed values of each parameter."""
 
-_SIGMAS = (0, 1, 3, 6)
-_COVARIANCES = (0, 1, 3, 6, 9)
-"""Allowed numbers of columns of standard deviations, and of variances and covariances."""
-
 _COUNTS: dict[str, tuple[int, ...]] = {
     **dict.fromkeys(("imu_accel", "imu_gyro", "position_columns", "velocity_columns", "reference_offset_m"), (3,)),
-    **dict.fromkeys(("position_sigma", "velocity_sigma"), _SIGMAS),
-    **dict.fromkeys(("position_covariance", "velocity_covariance"), _COVARIANCES),
+    **dict.fromkeys(("position_sigma", "velocity_sigma"), (0, 1, 3, 6)),
+    **dict.fromkeys(("position_covariance", "velocity_covariance"), (0, 1, 3, 6, 9)),
     **dict.fromkeys(("reference_position", "reference_velocity"), (0, 3)),
     "reference_sigma": (0, 1, 3),
     "reference_attitude": (0, 3, 4),

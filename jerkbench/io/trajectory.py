@@ -16,13 +16,23 @@ from jerkbench.estimate import Estimate
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
 from jerkbench.io.bag import ODOMETRY, POSE, POSE_COVARIANCE, Messages, open_bag
 from jerkbench.io.bag_writing import SOMETIME
-from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, ns_since_1970
-from jerkbench.io.columns import TIME_UNITS, Columns, times_ns
-from jerkbench.io.frames import ANGLE_UNITS, FRAMES, LOCAL_FRAMES, axes_in_enu, covariance_in_enu, in_degrees, in_enu
+from jerkbench.io.columns import TIME_UNITS, Columns, TextFormat, times_ns
+from jerkbench.io.conversions import (
+    ANGLE_UNITS,
+    FRAMES,
+    GPS_EPOCH_NS,
+    GPST_MINUS_UTC_S,
+    LOCAL_FRAMES,
+    WEEK_NS,
+    axes_in_enu,
+    covariance_in_enu,
+    in_degrees,
+    in_enu,
+    ns_since_1970,
+)
 from jerkbench.io.readers import read_columns
 from jerkbench.io.sanitiser import OFF_EARTH, off_earth, require_fractions
 from jerkbench.io.table import read_attitude
-from jerkbench.io.text import TextFormat
 from jerkbench.io.writing import POSITIONS, VELOCITIES
 from jerkbench.recording import Recording
 
@@ -444,9 +454,8 @@ def pattern_of(names: Sequence[str]) -> str:
     if len({len(split) for split in parts}) == 1:
         differing = [k for k, column in enumerate(zip(*parts, strict=True)) if len(set(column)) > 1]
         pattern = "".join(SEED if k in differing else part for k, part in enumerate(parts[0]))
-        numbers = [
-            split[differing[0]] for split in parts if split[differing[0]].isdigit()
-        ]  # names with leading zeros fail the comparison below
+        # names with leading zeros fail the comparison of the pattern with the names
+        numbers = [split[differing[0]] for split in parts if split[differing[0]].isdigit()]
         if pattern.count(SEED) == 1 and {pattern.replace(SEED, str(int(n))) for n in numbers} == set(names):
             return pattern
     raise RecordingError(

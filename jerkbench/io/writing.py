@@ -17,14 +17,13 @@ from jerkbench.estimate import Attitude
 from jerkbench.files import write_atomically, write_text
 from jerkbench.geometry import dcm_from_euler, enu_to_geodetic, quaternion_from_dcm
 from jerkbench.io.bag_writing import write_bag
-from jerkbench.io.frames import axes_in_enu, covariance_in_enu
+from jerkbench.io.conversions import axes_in_enu, covariance_in_enu
 from jerkbench.recording import GRAVITY_MPS2, Recording, Reference
 from jerkbench.timeline import nanoseconds
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_COORDINATES = ("enu", "geodetic", "ned")
 POSITIONS = {
     "enu": ("east_m", "north_m", "up_m"),
     "ned": ("north_m", "east_m", "down_m"),

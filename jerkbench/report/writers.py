@@ -22,7 +22,7 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import known
 from jerkbench.evaluation.intervals import share_interval
 from jerkbench.files import write_text
-from jerkbench.io.text import is_number
+from jerkbench.io.files import is_number
 from jerkbench.notices import plain
 from jerkbench.recording import Recording
 from jerkbench.report.columns import FACTORS

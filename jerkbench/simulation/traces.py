@@ -14,10 +14,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from jerkbench.arrays import BoolArray, FloatArray, frozen, linear_at, require, require_times
+from jerkbench.arrays import BoolArray, FloatArray, linear_at, require, require_times
 from jerkbench.errors import RecordingError, unknown
 from jerkbench.files import write_atomically
-from jerkbench.recording import Recording, Reference
+from jerkbench.recording import Recording, freeze
 
 _MIN_ROWS = 10
 """Minimum number of fixes of a trace. Distribution and correlation cannot be estimated from fewer fixes."""
@@ -64,8 +64,7 @@ class Trace:
         m = len(self.t_s)
         if m < _MIN_ROWS:
             raise RecordingError(f"A trace needs at least {_MIN_ROWS} fixes, but this one has {m}.")
-        for name, shape in {"t_s": (m,), "error_m": (m, 3), "covariance_m2": (m, 3, 3)}.items():
-            object.__setattr__(self, name, frozen(self, name, getattr(self, name), shape))
+        freeze(self, t_s=(m,), error_m=(m, 3), covariance_m2=(m, 3, 3))
         require_times(self, self.t_s)
         require(np.isfinite(self.error_m).all(axis=1), self, "error_m", "the error is not finite")
         smallest = np.linalg.eigvalsh(self.covariance_m2)[:, 0]
@@ -234,7 +233,8 @@ def trace_of(recording: Recording, *, centred: bool = True, licence: str = "", o
     position, reference = recording.position, recording.reference
     if position is None or reference.enu_m is None:
         raise RecordingError(f"{recording.name} has no position fixes or no reference positions; a trace needs both.")
-    true, known = _at(reference, position.t_s)
+    certain = reference.scored & np.isfinite(reference.enu_m).all(axis=1)
+    true, known = _at(reference.t_s[certain], reference.enu_m[certain], position.t_s)
     usable = known & np.isfinite(position.enu_m).all(axis=1)
     if usable.sum() < _MIN_ROWS:
         raise RecordingError(f"{recording.name} has {usable.sum()} fixes with a reference; {_MIN_ROWS} are needed.")
@@ -247,13 +247,10 @@ def trace_of(recording: Recording, *, centred: bool = True, licence: str = "", o
     return Trace(t_s - t_s[0], error - offset, position.covariance_m2[usable], about)
 
 
-def _at(reference: Reference, t_s: FloatArray) -> tuple[FloatArray, BoolArray]:
+def _at(true_s: FloatArray, true_m: FloatArray, t_s: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return the reference positions (m, 3) at the times ``t_s``, and a mask (m,) of times with a known position."""
-    values = reference.enu_m
-    usable = reference.scored & np.isfinite(values).all(axis=1) if values is not None else np.zeros(0, dtype=np.bool_)
-    if values is None or usable.sum() < 2:
+    if len(true_s) < 2:
         return np.full((len(t_s), 3), np.nan), np.zeros(len(t_s), dtype=np.bool_)
-    true_s, true_m = reference.t_s[usable], values[usable]
     near = np.isfinite(linear_at(true_s, true_m, t_s, _NEAR_S)).all(axis=1)
     exact = np.isin(np.round(t_s, 6), np.round(true_s, 6))
     true = np.column_stack([np.interp(t_s, true_s, axis) for axis in true_m.T])

@@ -9,8 +9,7 @@ from moved import G
 from scipy.linalg import expm
 
 from jerkbench.attitude import common
-from jerkbench.attitude.common import TiltStart
-from jerkbench.attitude.gravity_update import ADAPTATIONS
+from jerkbench.attitude.common import ADAPTATIONS, TiltStart
 from jerkbench.attitude.tilt import PROPAGATIONS, Tilt, run_tilt
 from jerkbench.geometry import dcm_from_euler, roll_pitch
 

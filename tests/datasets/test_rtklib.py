@@ -8,7 +8,7 @@ import pytest
 from jerkbench import plugins
 from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.io.rtklib import _COLUMNS
+from jerkbench.io.tracks import _POS_HEADER
 
 DRIVE = Path(__file__).parents[2].parent / "shared" / "data" / "rtklib_drive_0708"
 START = datetime(2025, 7, 8, 19, 34, 18, tzinfo=UTC)  # GPST, as if it were UTC
@@ -35,7 +35,7 @@ def write_drive(folder, *, moves_at=4.0, quality=1, accel=(0.0, 0.0, 1.0)):
             f"{stamp} 45.0 {lon:.9f} {100 + i * 0.1:.3f} {quality if i else 1} 9"
             f" .01 .01 .02 0 0 0 0 0 0 {speed} 0.5 .1 .1 .2 0 0 0"
         )
-    (folder / "a.pos").write_text("\n".join([f"% {_COLUMNS}", *rows, ""]))
+    (folder / "a.pos").write_text("\n".join([f"% {_POS_HEADER}", *rows, ""]))
     ms = np.arange(701) * 10 + 5000
     imu = [f"{accel[0]},{accel[1]},{accel[2]},1,2,3,{m}" for m in ms]
     (folder / "a.csv").write_text("\n".join([*imu, ""]))

@@ -222,11 +222,11 @@ def test_a_solution_is_of_the_earth_and_takes_an_origin(tmp_path):
 
 def test_a_solution_beside_times_of_unix(tmp_path):
     """RTKLIB's velocities too; GPS time is 18 s ahead."""
-    from jerkbench.io.rtklib import _COLUMNS
+    from jerkbench.io.tracks import _POS_HEADER
 
     start = datetime(2025, 7, 8, 19, 34, 18, tzinfo=UTC)
     write(tmp_path / "imu.csv", PLAIN | {"t": start.timestamp() + IMU_S})
-    rows = [f"% {_COLUMNS}"]
+    rows = [f"% {_POS_HEADER}"]
     for k in range(8):
         stamp = (start + timedelta(seconds=18 + k)).strftime("%Y/%m/%d %H:%M:%S.%f")
         rows.append(f"{stamp} 49 8.4 110 1 9 .01 .01 .02 0 0 0 0 0 1.5 -2.5 0.25 .1 .2 .3 0 0 0")

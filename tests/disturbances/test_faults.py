@@ -15,7 +15,7 @@ from jerkbench.disturbances.position_errors import FalseFix, LeverArm, Outliers
 from jerkbench.disturbances.stamps import Latency
 from jerkbench.errors import RecordingError
 from jerkbench.recording import Reference
-from jerkbench.simulation.imu import gauss_markov
+from jerkbench.simulation.sensors import gauss_markov
 
 
 def moved(done, recording):

@@ -6,7 +6,7 @@ import pytest
 from jerkbench.disturbances.multipath import MultipathSingleAxis
 from jerkbench.disturbances.outages import _SOURCE, DecimatePosition, GnssOutage, Withhold
 from jerkbench.errors import RecordingError
-from jerkbench.io.clocks import velocity_when_true
+from jerkbench.io.conversions import velocity_when_true
 from jerkbench.recording import Reference, Velocity
 
 LATENCY_S = (0.125, 0.125, 0.275)  # up is more than one epoch old at 4 Hz

@@ -17,7 +17,7 @@ from jerkbench.filters.eskf15 import Eskf15, InvariantEkf
 from jerkbench.inertial.compiled_runs import solve_compiled
 from jerkbench.presets import preset
 from jerkbench.recording import Heading, Imu, Reference, Velocity
-from jerkbench.simulation.imu import ALLAN_FLOOR, BIAS_TIME_S, GRADES, with_sensor_errors
+from jerkbench.simulation.sensors import ALLAN_FLOOR, BIAS_TIME_S, GRADES, with_sensor_errors
 from synthetic import body_velocity, level_attitude, recording_at_rest
 
 TACTICAL, CONSUMER = (

@@ -9,7 +9,7 @@ from jerkbench.datasets.field import FieldWhite
 from jerkbench.inspection.facts import findings_text, overview_figure
 from jerkbench.inspection.noise import allan_deviation, longest_rest, rest_noise
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
-from jerkbench.simulation.imu import GRADES
+from jerkbench.simulation.sensors import GRADES
 from synthetic import recording_at_rest
 
 

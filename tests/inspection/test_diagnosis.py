@@ -10,7 +10,7 @@ from mistakes import G_MPS2, MISTAKES, OTHERS, in_axes, is_found, ned, of_imu, o
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.inspection.diagnostics import IDENTITY, PLANE, diagnoses, first_diagnoses
 from jerkbench.inspection.facts import findings_text
-from jerkbench.io.frames import axes_matrix
+from jerkbench.io.conversions import axes_matrix
 
 CLOCK = "IMU's clock off by 1 s"
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import JerkbenchError
-from jerkbench.io.rtklib import _COLUMNS
+from jerkbench.io.tracks import _POS_HEADER
 from jerkbench.recording import Recording
 
 START = datetime(2025, 7, 8, 19, 34, 18, tzinfo=UTC)
@@ -30,7 +30,7 @@ def pos_text():
     for k in range(12):
         stamp = (START + timedelta(seconds=0.25 * k)).strftime("%Y/%m/%d %H:%M:%S.%f")[:-3]
         rows.append(f"{stamp} 45.0 {10 + k * 1e-6:.9f} 100.0 1 9 .01 .01 .02 0 0 0 0 0 .5 2.0 .0 .1 .1 .2 0 0 0")
-    return "\n".join([f"% {_COLUMNS}", *rows, ""]).encode()
+    return "\n".join([f"% {_POS_HEADER}", *rows, ""]).encode()
 
 
 def imu_text():

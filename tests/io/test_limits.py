@@ -22,10 +22,10 @@ from jerkbench.inspection.evidence import common_edges
 from jerkbench.inspection.facts import facts_text
 from jerkbench.inspection.guesses import guess_time_unit
 from jerkbench.inspection.receiver import receiver_errors
+from jerkbench.io.columns import TextFormat
 from jerkbench.io.readers import read_columns
-from jerkbench.io.rtklib import _COLUMNS
 from jerkbench.io.sanitiser import off_earth
-from jerkbench.io.text import TextFormat
+from jerkbench.io.tracks import _POS_HEADER
 from jerkbench.jobs.preflight import reason_of
 from jerkbench.recording import Imu, Position, Recording, Reference
 
@@ -83,7 +83,7 @@ def rtklib(folder, table):
         f"{stamp(t + 18).replace('-', '/').replace('T', ' ')}.000 {lat} {lon} {height} {rest}"
         for t, lat, lon, height in table.to_numpy()
     ]
-    (folder / "a.pos").write_text("\n".join([f"% {_COLUMNS}", *rows, ""]))
+    (folder / "a.pos").write_text("\n".join([f"% {_POS_HEADER}", *rows, ""]))
     return {"position_file": "a.pos"}
 
 

@@ -10,7 +10,7 @@ from jerkbench.datasets.rosbag import RosBag
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.io.bag_writing import write_bag
-from jerkbench.io.clocks import with_recorded_outages
+from jerkbench.io.sanitiser import with_recorded_outages
 
 FIX_S = np.concatenate([np.arange(0, 20, 0.5), np.arange(28, 40, 0.5), np.arange(46, 60, 0.5)])
 START_S = 1_715_695_200

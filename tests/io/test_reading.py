@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from jerkbench.errors import RecordingError
-from jerkbench.io.clocks import velocity_when_true
-from jerkbench.io.files import find_file
-from jerkbench.io.frames import body_from_sensor, calibrated_at_rest
+from jerkbench.io.conversions import body_from_sensor, calibrated_at_rest, velocity_when_true
+from jerkbench.io.files import find_file, read_lines
 from jerkbench.io.sanitiser import steady_rows
-from jerkbench.io.text import read_lines
 from jerkbench.recording import Imu
 
 T_S = np.array([10.0, 10.25, 10.5])

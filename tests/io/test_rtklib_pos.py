@@ -5,11 +5,18 @@ import pymap3d
 import pytest
 
 from jerkbench.errors import RecordingError
+from jerkbench.io.columns import TextFormat
 from jerkbench.io.readers import read_columns
-from jerkbench.io.rtklib import _COLUMNS, POS_COVARIANCE, POS_POSITION, POS_VELOCITY, POS_VELOCITY_COVARIANCE, read_pos
-from jerkbench.io.text import TextFormat
+from jerkbench.io.tracks import (
+    _POS_HEADER,
+    POS_COVARIANCE,
+    POS_POSITION,
+    POS_VELOCITY,
+    POS_VELOCITY_COVARIANCE,
+    read_pos,
+)
 
-HEADER = f"% program : RTKLIB\n%  {_COLUMNS.replace(' ', '   ')}\n"
+HEADER = f"% program : RTKLIB\n%  {_POS_HEADER.replace(' ', '   ')}\n"
 ROW = (
     "2025/07/08 19:34:18.{ms} 40.5 -105.25 1601.5 2 21 0.02 0.01 0.04 -0.005 0.003 -0.002 0 0"
     " 1.5 -2.5 0.25 0.3 0.2 0.4 0.05 -0.06 0.07\n"

@@ -7,7 +7,7 @@ import pytest
 
 from jerkbench.datasets.field import FieldVibration, FieldWhite
 from jerkbench.geometry import dcm_from_euler
-from jerkbench.simulation.imu import GRADES, SensorErrors, perfect_imu, saturate, with_sensor_errors
+from jerkbench.simulation.sensors import GRADES, SensorErrors, perfect_imu, saturate, with_sensor_errors
 from jerkbench.simulation.truth import Truth
 
 G = 9.81

@@ -1,11 +1,87 @@
-"""Conversion of axes, units and frames to ENU and body axes, and use of gravity and of the rest in IMU data."""
+"""Conversion of times, axes, units and frames to UTC, ENU and body axes, and use of gravity and of the rest."""
+
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler, ecef_to_enu, ecef_to_origin, geodetic_to_ecef, geodetic_to_enu
-from jerkbench.recording import GRAVITY_MPS2, Imu, Origin
+from jerkbench.recording import GRAVITY_MPS2, Imu, Origin, Velocity
+
+# GPS time, UTC, and dates as text.
+
+GPST_MINUS_UTC_S = 18.0
+"""GPS time minus UTC. Valid from 2017-01-01 until another leap second is introduced (none was announced by 2025)."""
+
+GPS_EPOCH_NS = 315_964_800_000_000_000
+"""Epoch of GPS time, 1980-01-06, in nanoseconds since 1970."""
+
+WEEK_NS = 604_800_000_000_000
+
+UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def utc_of(gpst_ns: int, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> datetime:
+    """Convert a GPS time, in nanoseconds since 1970 on the GPS calendar, to UTC, rounded to microseconds.
+
+    >>> utc_of(1_752_003_261_854_000_000).isoformat()
+    '2025-07-08T19:34:03.854000+00:00'
+    """
+    return UNIX_EPOCH + timedelta(microseconds=round(gpst_ns / 1000)) - timedelta(seconds=gpst_minus_utc_s)
+
+
+def ns_since_1970(moment: datetime) -> int:
+    """Convert a UTC time to nanoseconds since 1970."""
+    return (moment - UNIX_EPOCH) // timedelta(microseconds=1) * 1000
+
+
+def calendar_ns(date: str, time: str) -> int | None:
+    """Convert a date (``2011-09-26``) and time (``13:02:25.594``) to nanoseconds since 1970, or invalid text to None.
+
+    >>> calendar_ns("1970-01-02", "00:00:01.5")
+    86401500000000
+    """
+    if date[:2] not in ("19", "20", "21") or len(date) != len("2011-09-26") or set(time) - set("0123456789:."):
+        return None
+    try:
+        return int(np.datetime64(f"{date}T{time}", "ns").astype(np.int64))
+    except ValueError:  # for example the 31st of April
+        return None
+
+
+# Streams whose axes have a common stamp but different latencies.
+
+
+def velocity_when_true(
+    t_s: FloatArray, enu_mps: FloatArray, covariance_m2ps2: FloatArray, latency_s: tuple[float, ...]
+) -> Velocity:
+    """Assign each axis of an ENU velocity to its time of validity: the stamp minus the latency of the axis.
+
+    Axes that were valid at the same time are in one row, with their cross-covariance. The other axes of a row are NaN.
+
+    Args:
+        t_s: (m,) stamps of the velocities [s].
+        enu_mps: (m, 3) velocities in ENU [m/s].
+        covariance_m2ps2: (m, 3, 3) covariances of the velocities [m2/s2].
+        latency_s: latencies of the axes east, north and up [s].
+
+    Returns:
+        The velocities in the order of time, with at most 3 m rows.
+    """
+    valid_ns = np.round((t_s[:, None] - np.array(latency_s)) * 1e9).astype(np.int64)
+    grid_ns, inverse = np.unique(valid_ns, return_inverse=True)
+    rows = inverse.reshape(valid_ns.shape)
+    mps, covariance = np.full((len(grid_ns), 3), np.nan), np.tile(np.eye(3), (len(grid_ns), 1, 1))
+    for i in range(3):
+        mps[rows[:, i], i] = enu_mps[:, i]
+        for j in range(3):
+            same = rows[:, i] == rows[:, j]
+            covariance[rows[same, i], i, j] = covariance_m2ps2[same, i, j]
+    return Velocity(grid_ns * 1e-9, mps, covariance)
+
+
+# Units and frames.
 
 FRAMES = ("enu", "ned", "geodetic", "ecef")
 """Frames of a position: local ENU or NED [m], latitude, longitude [deg or rad] and height [m], or ECEF [m]."""
@@ -65,8 +141,11 @@ def in_enu(values: FloatArray, frame: str, origin: Origin | None) -> FloatArray:
     if frame == "ecef":
         return ecef_to_enu(values, origin)
     latitude, longitude, height_m = values.T
-    enu_m = geodetic_to_enu(latitude, longitude, _between(height_m, origin.height_m), origin)
-    enu_m[np.isnan(height_m), 2] = np.nan
+    rows, known, between_m = np.arange(len(height_m)), ~np.isnan(height_m), np.full(len(height_m), origin.height_m)
+    if known.any():
+        between_m = np.interp(rows, rows[known], height_m[known])
+    enu_m = geodetic_to_enu(latitude, longitude, between_m, origin)
+    enu_m[~known, 2] = np.nan
     return enu_m
 
 
@@ -79,12 +158,6 @@ def axes_to_judge(values: FloatArray, frame: str) -> FloatArray:
     if frame != "geodetic":
         return values
     return np.column_stack([geodetic_to_ecef(values[:, 0], values[:, 1], np.zeros(len(values))), values[:, 2]])
-
-
-def _between(height_m: FloatArray, otherwise: float) -> FloatArray:
-    """Replace NaN in heights (n,) by linear interpolation, or by ``otherwise`` if every height is NaN."""
-    rows, known = np.arange(len(height_m)), ~np.isnan(height_m)
-    return np.interp(rows, rows[known], height_m[known]) if known.any() else np.full(len(height_m), otherwise)
 
 
 def axes_in_enu(values: FloatArray, frame: str) -> FloatArray:
