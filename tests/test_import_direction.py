@@ -19,7 +19,7 @@ ORDER = [
         "compilation",
     ],
     ["recording", "kalman"],
-    ["estimate", "geometry", "r_scale"],
+    ["estimate", "geometry"],
     ["timeline"],
     ["contracts", "plugins.samples"],
     ["adapted_updates", "kinematic", "plugins"],
@@ -39,7 +39,7 @@ ORDER = [
 Their names contain a dot.
 """
 STAGE = {name: place for place, names in enumerate(ORDER) for name in names}
-MAX_LEVELS = 16
+MAX_LEVELS = 15
 """Length of the longest chain of parts in which each imports the next. It may be lowered, and is never raised."""
 PACKAGE = Path(jerkbench.__file__).parent
 
