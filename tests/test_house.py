@@ -31,7 +31,7 @@ MAX_CODE = {
     "inertial": 1038,
     "inspection": 1762,
     "io": 2593,
-    "jerkbench": 1726,
+    "jerkbench": 1747,
     "jobs": 1712,
     "kinematic": 1309,
     "plugins": 738,

@@ -1,63 +1,20 @@
-"""Functions and classes that several linear filters share: step models, initial state, updates, parameter ranges."""
+"""Functions and classes that several linear filters share: models of one axis, updates, parameter ranges."""
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 
 from jerkbench import plugins
-from jerkbench.adapted_updates import AdaptedUpdates
 from jerkbench.arrays import FloatArray
-from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter, clocked
+from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, clocked
 from jerkbench.estimate import Attitude, Estimate, Streamed
 from jerkbench.kalman import updated
+from jerkbench.numpy_run import AdaptedUpdates
 from jerkbench.parameters import DefaultOrigin, Limited, Range
 from jerkbench.recording import Recording
 from jerkbench.timeline import RecordedRun, Run, Timeline, cached_timeline
-
-
-class StepModel(NamedTuple):
-    """The model of one time step for all three axes: Kronecker products of the model of one axis with I3.
-
-    Attributes:
-        F: (n, n) transition matrix, the Kronecker product of A with I3.
-        B: (n, 3) input matrix, the Kronecker product of b with I3.
-        Q: (n, n) process noise, the Kronecker product of the Q of one axis with I3.
-    """
-
-    F: FloatArray
-    B: FloatArray
-    Q: FloatArray
-
-
-class StepModels:
-    """The step models of a filter in a cache, whose key is the length of the step in nanoseconds."""
-
-    def __init__(self, model: Filter, dt0_s: float) -> None:
-        self._model, self._dt0_s = model, dt0_s
-        self._known: dict[int, StepModel] = {}
-
-    def of(self, dt_s: float) -> StepModel:
-        """Return the step model for a step of ``dt_s`` seconds, from the cache if possible."""
-        key = round(dt_s * 1e9)
-        if key not in self._known:
-            A, b, Q = self._model.axis_model(dt_s, self._dt0_s)
-            self._known[key] = StepModel(_of_three_axes(A), _of_three_axes(b[:, None]), _of_three_axes(Q))
-        return self._known[key]
-
-
-def initial(timeline: Timeline, model: Filter) -> tuple[FloatArray, FloatArray]:
-    """Return the initial state x (n,) of the filter ``model`` and its covariance P (n, n) for a timeline."""
-    extra = np.repeat(model.initial_variances(), 3)
-    P = np.diag(np.concatenate([np.zeros(6), extra]))
-    P[:6, :6] = timeline.P0
-    return np.concatenate([timeline.x0, np.zeros(len(extra))]), P
-
-
-def _of_three_axes(matrix: FloatArray) -> FloatArray:
-    return np.asarray(np.kron(matrix, np.eye(3)), dtype=np.float64)
-
 
 # Models of one axis for an array of step lengths, because the steps of an IMU with irregular time stamps differ.
 

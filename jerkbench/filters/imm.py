@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from jerkbench.adapted_updates import AdaptedUpdates
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, require_known
@@ -20,12 +19,11 @@ from jerkbench.filters.common import (
     STAYS,
     CompiledEstimator,
     CompiledFunctions,
-    StepModels,
     adaptations_of_r,
-    initial,
 )
 from jerkbench.filters.kinematic import Acceleration, Baseline, Bias, Jerk
 from jerkbench.kalman import is_healthy, squared_distance, updated
+from jerkbench.numpy_run import AdaptedUpdates, StepModels, initial
 from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Limit, Limited, Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

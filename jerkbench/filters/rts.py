@@ -20,13 +20,12 @@ from jerkbench.filters.common import (
     CompiledEstimator,
     CompiledFunctions,
     MeasurementUpdates,
-    StepModels,
     adaptations_of_r_or_fading,
-    initial,
 )
 from jerkbench.filters.constant_turn import TURN_WALK, ConstantTurn
 from jerkbench.filters.kinematic import Acceleration, Baseline, Bias, ConstantVelocity, Jerk
 from jerkbench.kalman import is_healthy
+from jerkbench.numpy_run import StepModels, initial
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.adapted_updates import AdaptedUpdates
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Estimate
@@ -25,6 +24,7 @@ from jerkbench.inertial.update import (
     wheel_speed,
 )
 from jerkbench.kalman import has_factor
+from jerkbench.numpy_run import AdaptedUpdates
 
 MAX_STEPS = 512
 """Maximum number of steps that are propagated together. This limits the memory for the matrices Phi."""
