@@ -9,9 +9,8 @@ from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate, Streamed
 from jerkbench.filters.common import adaptations_of_r
 from jerkbench.filters.inertial_parameters import Eskf15Parameters, aided, run_inputs, takes_timeline
-from jerkbench.inertial.run import InertialRun, InertialSolution
+from jerkbench.inertial.run import InertialRun, InertialSolution, smooth_navigation
 from jerkbench.inertial.run_inputs import InertialInputs
-from jerkbench.inertial.smoother import smooth_navigation
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

@@ -11,7 +11,6 @@ from jerkbench.arrays import FloatArray, Same
 from jerkbench.attitude.yaw import estimate_yaw, required_track
 from jerkbench.errors import PluginError, RecordingError, require_known
 from jerkbench.estimate import Attitude
-from jerkbench.inertial.mechanisation import SensorNoise, earth_at
 from jerkbench.inertial.run_inputs import (
     Constraints,
     Events,
@@ -23,7 +22,7 @@ from jerkbench.inertial.run_inputs import (
     still_samples,
     with_body_velocity,
 )
-from jerkbench.inertial.state import NavigationState
+from jerkbench.inertial.state import NavigationState, SensorNoise, earth_at
 from jerkbench.parameters import DefaultOrigin, Limit, Limited, Range
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Recording
 from jerkbench.timeline import Timeline, build_timeline

@@ -101,7 +101,7 @@ def step_all(
 ) -> tuple[NavigationState, FloatArray]:
     """Propagate the nominal state and all sigma points over one time step.
 
-    The equations are the same as in `jerkbench.inertial.mechanisation.advance_navigation` in a tangent plane::
+    The equations are the same as in `jerkbench.inertial.state.advance_navigation` in a tangent plane::
 
         C+ = C Exp(w dt);  v+ = v + ((C + C+)/2 f + g) dt;  p+ = p + (v + v+)/2 dt
 

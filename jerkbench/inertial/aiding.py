@@ -29,7 +29,7 @@ from jerkbench.inertial.state import (
 )
 from jerkbench.inertial.strapdown import congruence, fill_from_factors, fill_rotation_exp, multiply, multiply_transposed
 from jerkbench.kinematic.arguments import Runs
-from jerkbench.kinematic.correction import correct
+from jerkbench.kinematic.update import correct
 from jerkbench.recording import GRAVITY_MPS2
 
 

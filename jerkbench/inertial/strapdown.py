@@ -1,6 +1,6 @@
 """Compiled propagation of the nominal states and the covariances of a batch of runs over a time step.
 
-The equations are documented in `jerkbench.inertial.mechanisation`.
+The equations are documented in `jerkbench.inertial.state`.
 """
 
 import math
@@ -187,7 +187,7 @@ transform_by_transition = congruence(_propagate_error, POSITION, GYRO)
 
 
 def propagate(run: Runs, noise: FloatArray, dt: float) -> None:
-    """Propagate the covariances over a time step: Phi P Phi' + Q (`jerkbench.inertial.mechanisation.process_noise`)."""
+    """Propagate the covariances over a time step: Phi P Phi' + Q (`jerkbench.inertial.state.process_noise`)."""
     transform_by_transition(run, dt)
     for i in range(3):
         p, v, phi, gyro, accel = POSITION + i, VELOCITY + i, ATTITUDE + i, GYRO + i, ACCEL + i

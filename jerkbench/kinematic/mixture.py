@@ -24,14 +24,21 @@ from jerkbench.kinematic.arguments import (
     read,
     record_layout,
 )
-from jerkbench.kinematic.correction import check_definite, correct, find_nis
-from jerkbench.kinematic.loop import all_stopped
+from jerkbench.kinematic.loop import Axis, all_stopped, predict
 from jerkbench.kinematic.packs import Pack
-from jerkbench.kinematic.prediction import Axis, predict
 from jerkbench.kinematic.rules import Rule
 from jerkbench.kinematic.runs import Prepared, run_packs, run_trajectory
 from jerkbench.kinematic.scoring import give, note_update
-from jerkbench.kinematic.update import adapt_R, expect, fill_innovation, note_used, rows_used
+from jerkbench.kinematic.update import (
+    adapt_R,
+    check_definite,
+    correct,
+    expect,
+    fill_innovation,
+    find_nis,
+    note_used,
+    rows_used,
+)
 from jerkbench.timeline import Run, Timeline
 
 

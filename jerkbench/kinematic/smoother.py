@@ -46,14 +46,12 @@ from jerkbench.kinematic.arguments import (
     read_matrix,
     record_layout,
 )
-from jerkbench.kinematic.correction import solve_back
-from jerkbench.kinematic.loop import all_stopped
+from jerkbench.kinematic.loop import Axis, all_stopped, predict, predict_covariance, predict_state
 from jerkbench.kinematic.packs import Pack
-from jerkbench.kinematic.prediction import Axis, predict, predict_covariance, predict_state
 from jerkbench.kinematic.rules import Rule
 from jerkbench.kinematic.runs import Prepared, run_packs, run_trajectory, states_on_axis
 from jerkbench.kinematic.scoring import give, note_update
-from jerkbench.kinematic.update import fill_innovation, update
+from jerkbench.kinematic.update import fill_innovation, solve_back, update
 from jerkbench.timeline import Run, Timeline
 
 SEGMENT = 32
@@ -142,7 +140,7 @@ def _write_update(run: Runs, left: FloatArray, solved: FloatArray) -> None:
     """Write I - K H, S^-1 y and S^-1 of the last update to the tape.
 
     Column a of ``run.gain`` is column a of K' = S^-1 H P. If state a is measured and its variance in R is smaller than
-    in P, column a of ``run.gain`` is -S^-1 R = K' - I (see `jerkbench.kinematic.correction`).
+    in P, column a of ``run.gain`` is -S^-1 R = K' - I (see `jerkbench.kinematic.update`).
     """
     M, Z = run.M, run.gain
     solve_back(M, Z, 7, len(run.x))
