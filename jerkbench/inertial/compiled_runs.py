@@ -24,7 +24,7 @@ from jerkbench.inertial.run_inputs import InertialInputs, InertialSettings
 from jerkbench.inertial.state import NavigationState
 from jerkbench.inertial.strapdown import mechanise, propagate, sense
 from jerkbench.kinematic.arguments import Called, Output, Rules, Runs, Scoring, Steps, loop_type, record_layout
-from jerkbench.kinematic.loop import Axis, all_stopped
+from jerkbench.kinematic.loop import all_stopped
 from jerkbench.kinematic.packs import Pack, numbered, stack_runs
 from jerkbench.kinematic.rules import compiled_rule
 from jerkbench.kinematic.runs import Prepared, run_packs, run_trajectory
@@ -116,7 +116,6 @@ class InertialBatch(NamedTuple):
 
 
 def run_navigation(
-    _axis: Axis,
     steps: Steps,
     scored: Scoring,
     batch: InertialBatch,

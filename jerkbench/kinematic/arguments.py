@@ -265,5 +265,5 @@ def loop_type(of: np.dtype[Any], model: Any) -> Any:  # noqa: ANN401 - numba has
     from numba import from_dtype, types
 
     arrays = [numba_type(kind) for kind in (Steps, Scoring, model, Rules)]
-    axis, called = types.UniTuple(types.int64, of["A"].shape[0]), types.FunctionType(called_type())
-    return types.void(axis, *arrays, called, called, numba_type(Output), from_dtype(of))
+    called = types.FunctionType(called_type())
+    return types.void(*arrays, called, called, numba_type(Output), from_dtype(of))

@@ -1,8 +1,7 @@
 """The compiled prediction, and the loop of kinematic filters over the time steps of eight runs.
 
 The transition matrix F is the Kronecker product of A with I3, so the same product with A is computed for each axis of x
-and for each pair of axes of P. The number n of states per axis is the length of the tuple ``axis``, so that n is a
-constant when numba compiles the functions.
+and for each pair of axes of P.
 """
 
 from functools import cache
@@ -26,32 +25,30 @@ from jerkbench.kinematic.arguments import (
 from jerkbench.kinematic.scoring import give, note_update
 from jerkbench.kinematic.update import fill_innovation, rows_used, update
 
-Axis = tuple[int, ...]
 
-
-def predict_state(x: FloatArray, A: FloatArray, b: FloatArray, u: FloatArray, old: FloatArray, axis: Axis) -> None:
+def predict_state(x: FloatArray, A: FloatArray, b: FloatArray, u: FloatArray, old: FloatArray) -> None:
     """Compute x = A x + b u for each of the three axes, where ``old`` is a buffer."""
     for i in range(3):
-        for a in range(len(axis)):
+        for a in range(len(A)):
             old[a] = x[3 * a + i]
-        for a in range(len(axis)):
+        for a in range(len(A)):
             moved = b[a] * u[i]
-            for c in range(len(axis)):
+            for c in range(len(A)):
                 moved += A[a, c] * old[c]
             x[3 * a + i] = moved
 
 
 @not_inlined
-def predict_covariance(P: FloatArray, A: FloatArray, Q: FloatArray, AP: FloatArray, axis: Axis) -> None:
+def predict_covariance(P: FloatArray, A: FloatArray, Q: FloatArray, AP: FloatArray) -> None:
     """Compute the predicted covariance P = F P F' + Q (x) I3, where ``AP`` is a buffer."""
     for i in range(3):
         for j in range(i, 3):
-            _predict_pair(P, A, Q, AP, axis, i, j)
+            _predict_pair(P, A, Q, AP, i, j)
 
 
-def _predict_pair(P: FloatArray, A: FloatArray, Q: FloatArray, AP: FloatArray, axis: Axis, i: int, j: int) -> None:
+def _predict_pair(P: FloatArray, A: FloatArray, Q: FloatArray, AP: FloatArray, i: int, j: int) -> None:
     """Predict the covariance between axis i and axis j, and the transposed block."""
-    n = len(axis)
+    n = len(A)
     for a in range(n):
         for c in range(n):
             product = A[a, 0] * P[i, 3 * c + j]
@@ -78,16 +75,16 @@ def read_step(run: Runs, steps: Steps, model: Model, k: int) -> None:
 
 
 @not_inlined
-def predict(run: Runs, x: FloatArray, P: FloatArray, steps: Steps, model: Model, k: int, axis: Axis) -> None:
+def predict(run: Runs, x: FloatArray, P: FloatArray, steps: Steps, model: Model, k: int) -> None:
     """Predict the state x and its covariance P over step ``k``."""
     read_step(run, steps, model, k)
-    predict_state(x, run.A_step, run.b_step, run.u, run.e, axis)
-    predict_covariance(P, run.A_step, run.Q_step, run.square, axis)
+    predict_state(x, run.A_step, run.b_step, run.u, run.e)
+    predict_covariance(P, run.A_step, run.Q_step, run.square)
 
 
-def compose(run: Runs, axis: Axis) -> None:
+def compose(run: Runs) -> None:
     """Add a step to the transition and process noise since the last update: A_step A and A_step Q A_step' + Q_step."""
-    A, Q, A_step, AA, AQ, n = run.A_total, run.Q_total, run.A_step, run.square, run.M, len(axis)
+    A, Q, A_step, AA, AQ, n = run.A_total, run.Q_total, run.A_step, run.square, run.M, len(run.A_total)
     for a in range(n):
         for b in range(n):
             moved, noise = A_step[a, 0] * A[0, b], A_step[a, 0] * Q[0, b]
@@ -109,15 +106,7 @@ def compose(run: Runs, axis: Axis) -> None:
 
 
 def run_steps(
-    axis: Axis,
-    steps: Steps,
-    scored: Scoring,
-    model: Model,
-    rules: Rules,
-    adapt: Called,
-    gain: Called,
-    output: Output,
-    state: Runs,
+    steps: Steps, scored: Scoring, model: Model, rules: Rules, adapt: Called, gain: Called, output: Output, state: Runs
 ) -> None:
     """Process all time steps of eight runs. The loop ends early if all runs have stopped.
 
@@ -126,7 +115,6 @@ def run_steps(
     (``shown``) is predicted to this time. Therefore the results of a run do not depend on the requested metrics.
 
     Args:
-        axis: tuple whose length is the number of states per axis. The values in the tuple have no meaning.
         steps: time steps and measurements of the runs.
         scored: true values and weights for the error sums.
         model: transition matrices and process noise of the filters.
@@ -140,13 +128,13 @@ def run_steps(
     for k in range(len(steps.model)):
         if steps.model[k] >= 0:
             read_step(run, steps, model, k)
-            predict_state(run.x, run.A_step, run.b_step, run.u, run.e, axis)
-            compose(run, axis)
+            predict_state(run.x, run.A_step, run.b_step, run.u, run.e)
+            compose(run)
         which, reference = steps.update[k], steps.reference[k]
         if which >= 0:
             fill_innovation(run, steps.z, which)
             _take_due(run)
-            predict_covariance(run.P, run.A, run.Q, run.square, axis)
+            predict_covariance(run.P, run.A, run.Q, run.square)
             update(run, steps, rules, adapt, gain, which)
             note_update(run, scored.counts, output, which)
             if all_stopped(run, k):
@@ -154,7 +142,7 @@ def run_steps(
         if reference >= 0:
             if len(output.states) > 0 or scored.consistency:
                 _copy(run.P, run.shown)
-                predict_covariance(run.shown, run.A_total, run.Q_total, run.square, axis)
+                predict_covariance(run.shown, run.A_total, run.Q_total, run.square)
             give(run, run.shown, scored, output, reference)
 
 

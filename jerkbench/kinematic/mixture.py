@@ -24,7 +24,7 @@ from jerkbench.kinematic.arguments import (
     read,
     record_layout,
 )
-from jerkbench.kinematic.loop import Axis, all_stopped, predict
+from jerkbench.kinematic.loop import all_stopped, predict
 from jerkbench.kinematic.packs import Pack
 from jerkbench.kinematic.rules import Rule
 from jerkbench.kinematic.runs import Prepared, run_packs, run_trajectory
@@ -51,7 +51,6 @@ def _layout(n: int) -> np.dtype[Any]:
 
 
 def run_mixture(
-    axis: Axis,
     steps: Steps,
     scored: Scoring,
     models: tuple[Model, Model],
@@ -68,8 +67,8 @@ def run_mixture(
     run = in_lanes(state)
     for k in range(len(steps.model)):
         if steps.model[k] >= 0:
-            predict(run, run.x0, run.P0, steps, models[0], k, axis)
-            predict(run, run.x1, run.P1, steps, models[1], k, axis)
+            predict(run, run.x0, run.P0, steps, models[0], k)
+            predict(run, run.x1, run.P1, steps, models[1], k)
         which = steps.update[k]
         if which >= 0:
             combine(run)

@@ -92,8 +92,8 @@ def _call(prepare: Prepare, pack: Pack, rules: Sequence[Rule], output: Output) -
     """Call the loop for the runs of a pack, and return the record with the final states."""
     loop, of, model, initial = prepare(pack)
     state, functions = new_state(of, initial, len(pack.members)), rules[0].functions()
-    axis, arrays = (0,) * len(state["A"]), rules_of(rules, len(state["x"]))
-    loop.result()(axis, pack.steps, pack.scored, model, arrays, *functions, output, state)
+    arrays = rules_of(rules, len(state["x"]))
+    loop.result()(pack.steps, pack.scored, model, arrays, *functions, output, state)
     return state
 
 

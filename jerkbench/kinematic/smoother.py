@@ -46,7 +46,7 @@ from jerkbench.kinematic.arguments import (
     read_matrix,
     record_layout,
 )
-from jerkbench.kinematic.loop import Axis, all_stopped, predict, predict_covariance, predict_state
+from jerkbench.kinematic.loop import all_stopped, predict, predict_covariance, predict_state
 from jerkbench.kinematic.packs import Pack
 from jerkbench.kinematic.rules import Rule
 from jerkbench.kinematic.runs import Prepared, run_packs, run_trajectory, states_on_axis
@@ -90,15 +90,7 @@ def _layout(n: int) -> np.dtype[Any]:
 
 
 def run_smoother(
-    axis: Axis,
-    steps: Steps,
-    scored: Scoring,
-    tape: Tape,
-    rules: Rules,
-    adapt: Called,
-    gain: Called,
-    output: Output,
-    state: Runs,
+    steps: Steps, scored: Scoring, tape: Tape, rules: Rules, adapt: Called, gain: Called, output: Output, state: Runs
 ) -> None:
     """Run the forward and the backward pass of eight runs. If all runs stop early, the backward pass is skipped.
 
@@ -111,7 +103,7 @@ def run_smoother(
     _copy(run.x, run.P, x[0], P[0])
     for k in range(len(steps.model)):
         if steps.model[k] >= 0:
-            predict(run, run.x, run.P, steps, tape.model, k, axis)
+            predict(run, run.x, run.P, steps, tape.model, k)
         which = steps.update[k]
         if which >= 0:
             fill_innovation(run, steps.z, which)
@@ -125,7 +117,7 @@ def run_smoother(
             _copy(run.x, run.P, x[last], P[last])
             if which >= 0:
                 _write_update(run, left[last], solved[last])
-    _run_backward(run, axis, steps, scored, tape, output, last)
+    _run_backward(run, steps, scored, tape, output, last)
 
 
 def _copy(x: FloatArray, P: FloatArray, into_x: FloatArray, into_P: FloatArray) -> None:
@@ -155,7 +147,7 @@ def _write_update(run: Runs, left: FloatArray, solved: FloatArray) -> None:
 
 
 @not_inlined
-def _run_backward(run: Runs, axis: Axis, steps: Steps, scored: Scoring, tape: Tape, output: Output, rows: int) -> None:
+def _run_backward(run: Runs, steps: Steps, scored: Scoring, tape: Tape, output: Output, rows: int) -> None:
     """Run the backward pass from the last row of the tape, which has the index ``rows``, to row 0."""
     x, P, between_x, between_P = in_lanes(tape.x), in_lanes(tape.P), in_lanes(tape.between_x), in_lanes(tape.between_P)
     left, solved = in_lanes(tape.left), in_lanes(tape.solved)
@@ -164,7 +156,7 @@ def _run_backward(run: Runs, axis: Axis, steps: Steps, scored: Scoring, tape: Ta
         _copy(x[row - 1], P[row - 1], run.x, run.P)
         for k in range(first + 1, last):
             if steps.model[k] >= 0:
-                predict(run, run.x, run.P, steps, tape.model, k, axis)
+                predict(run, run.x, run.P, steps, tape.model, k)
             _copy(run.x, run.P, between_x[k - first - 1], between_P[k - first - 1])
         _copy(x[row], P[row], between_x[last - first - 1], between_P[last - first - 1])
         for k in range(last, first, -1):
@@ -174,7 +166,7 @@ def _run_backward(run: Runs, axis: Axis, steps: Steps, scored: Scoring, tape: Ta
             if k == last and steps.update[k] >= 0:
                 _absorb(run, left[row], solved[row])
             if steps.model[k] >= 0:
-                _step_back(run, tape.model.A, steps.model[k], axis)
+                _step_back(run, tape.model.A, steps.model[k])
 
 
 @not_inlined
@@ -226,18 +218,18 @@ def _absorb(run: Runs, left: FloatArray, solved: FloatArray) -> None:
 
 
 @not_inlined
-def _step_back(run: Runs, A: FloatArray, length: int, axis: Axis) -> None:
+def _step_back(run: Runs, A: FloatArray, length: int) -> None:
     """Propagate the adjoint variables backwards over a time step.
 
     The backward step is equivalent to a prediction with the transition matrix A' and without process noise.
     """
-    n = len(axis)
+    n = len(run.A_step)
     read_matrix(A, length, run.A_step)
     for a in range(n):
         for b in range(n):
             run.Q_step[a, b] = run.A_step[b, a]
-    predict_state(run.adjoint_x, run.Q_step, run.none, run.none, run.e, axis)
-    predict_covariance(run.adjoint_P, run.Q_step, run.no_Q, run.square, axis)
+    predict_state(run.adjoint_x, run.Q_step, run.none, run.none, run.e)
+    predict_covariance(run.adjoint_P, run.Q_step, run.no_Q, run.square)
 
 
 # Python functions that run the compiled smoother.
