@@ -33,7 +33,7 @@ MAX_CODE = {
     "io": 2593,
     "jerkbench": 1789,
     "jobs": 1712,
-    "kinematic": 1249,
+    "kinematic": 1250,
     "plugins": 738,
     "report": 2630,
     "simulation": 598,

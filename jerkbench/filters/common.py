@@ -111,18 +111,13 @@ class CompiledEstimator:
         """
         from jerkbench.kinematic.rules import compiled_rule
 
-        results: list[Streamed | None] = [None] * len(runs)
-        pairs = enumerate(zip(adaptations, runs, strict=True))
-        rules = {k: rule for k, (a, run) in pairs if (rule := compiled_rule(clocked(a, run.timeline))) is not None}
-        functions = [found for k in rules if (found := estimators[k].compiled_functions()) is not None]
-        if not functions or len(functions) < len(rules):
-            return results
-        compiled_runs = [Run(runs[k].timeline, runs[k].scoring) for k in rules]
-        starts = [estimators[k].start(runs[k].timeline) for k in rules]
-        streamed = functions[0][1](compiled_runs, starts, list(rules.values()), updates=updates, threads=threads)
-        for k, result in zip(rules, streamed, strict=True):
-            results[k] = result
-        return results
+        functions = [estimator.compiled_functions() for estimator in estimators]
+        if not runs or functions[0] is None or None in functions:
+            return [None] * len(runs)
+        compiled_runs = [Run(run.timeline, run.scoring) for run in runs]
+        rules = [compiled_rule(clocked(a, run.timeline)) for a, run in zip(adaptations, runs, strict=True)]
+        starts = [one.start(run.timeline) for one, run in zip(estimators, runs, strict=True)]
+        return functions[0][1](compiled_runs, starts, rules, updates=updates, threads=threads)
 
 
 # The names of the adaptations that an estimator supports.

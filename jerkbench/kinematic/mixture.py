@@ -180,7 +180,7 @@ def mix_single(timeline: Timeline, start: Mixed, rule: Rule) -> Estimate | None:
 
 
 def mix_many(
-    runs: Sequence[Run], starts: Sequence[Mixed], rules: Sequence[Rule], *, updates: bool, threads: int
+    runs: Sequence[Run], starts: Sequence[Mixed], rules: Sequence[Rule | None], *, updates: bool, threads: int
 ) -> list[Streamed | None]:
     """Return the error sums of each IMM run of a batch, or None for a run that the caller must repeat alone."""
     states = [x.shape[1] for _, x, *_ in starts]

@@ -292,12 +292,15 @@ class Rule:
         """Pairs (attribute name, number), one for each number in the attributes of the plugin."""
         return [(name, number) for name, value in _attributes(self.adaptation) for number in _numbers(value)]
 
-    @cached_property
-    def group(self) -> tuple[object, ...]:
-        """A key that is equal for all rules whose runs can be processed in the same batch."""
+    def group(self, states: int) -> tuple[object, ...]:
+        """Return a key that is equal for all rules whose runs can be processed in the same batch.
+
+        The argument ``states`` is the number of states of the filter.
+        """
         varying = getattr(type(self.adaptation), "varying", ())
         equal = [value for name, value in self.numbers if not isinstance(value, float) and name not in varying]
-        return self.kind, self.in_lanes, wants_truth(self.adaptation), *(equal if self.in_lanes else ())
+        further = equal if self.in_lanes else [memory_size(self.adaptation, states)]
+        return self.kind, self.in_lanes, wants_truth(self.adaptation), *further
 
     def functions(self) -> tuple[Any, Any]:
         """Return the compiled function of the adaptation and the compiled function of its gain.

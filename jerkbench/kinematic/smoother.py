@@ -256,12 +256,12 @@ def smooth_one(timeline: Timeline, model: Filter, rule: Rule) -> Estimate | None
 
 
 def smooth_many(
-    runs: Sequence[Run], models: Sequence[Filter], rules: Sequence[Rule], *, updates: bool, threads: int
+    runs: Sequence[Run], models: Sequence[Filter], rules: Sequence[Rule | None], *, updates: bool, threads: int
 ) -> list[Streamed | None]:
     """Return the error sums of each smoothed run of a batch.
 
-    The result is None for a run that diverged or whose adaptation raised an error. The caller must repeat such a run
-    alone.
+    The result is None for a run without a compiled adaptation, that diverged, or whose adaptation raised an error. The
+    caller must repeat such a run alone.
     """
     states = [3 * states_on_axis(model) for model in models]
     return run_packs(runs, states, rules, partial(_prepared, models), updates=updates, threads=threads)
