@@ -99,6 +99,7 @@ class Limited:
 NOT_NEGATIVE = Limit(lambda value: 0 <= value < math.inf, "it must be zero or positive, and finite.")
 ABOVE_ZERO = Limit(lambda value: 0 < value < math.inf, "it must be a positive number.")
 AT_LEAST_ONE = Limit(lambda value: value >= 1, "it must be at least 1.")
+BETWEEN_0_AND_1 = Limit(lambda value: 0 < value < 1, "it must lie between 0 and 1.")
 
 
 SWITCH = Range(0.0, 1.0, source="off or on")

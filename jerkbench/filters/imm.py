@@ -24,7 +24,7 @@ from jerkbench.filters.common import (
 from jerkbench.filters.kinematic import Acceleration, Baseline, Bias, Jerk
 from jerkbench.kalman import is_healthy, squared_distance, updated
 from jerkbench.numpy_run import AdaptedUpdates, StepModels, initial
-from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Limit, Limited, Provenance
+from jerkbench.parameters import BETWEEN_0_AND_1, NOT_NEGATIVE, DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline import Timeline, build_timeline
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from jerkbench.kinematic.mixture import Mixed  # importing this module takes half a second
 
 _MODELS = ("acceleration", "baseline", "bias", "jerk")
-BETWEEN_0_AND_1 = Limit(lambda p: 0 < p < 1, "it must lie between 0 and 1.")
 TWENTY_UPDATES = DefaultOrigin("ours: a model lasts 20 updates")
 
 
@@ -142,12 +141,7 @@ class InteractingMultipleModels(Limited, CompiledEstimator):
 
     def transitions(self) -> FloatArray:
         """Return the matrix Pi (2, 2) of transition probabilities."""
-        return np.array(
-            [
-                [self.first_stays, 1.0 - self.first_stays],
-                [1.0 - self.second_stays, self.second_stays],
-            ]
-        )
+        return np.array([[self.first_stays, 1.0 - self.first_stays], [1.0 - self.second_stays, self.second_stays]])
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
         """Return the combined estimate of both filters at the time stamps of the reference."""
