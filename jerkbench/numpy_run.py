@@ -1,7 +1,7 @@
 """Parts of a run in NumPy: step models, initial state, updates with an adapted R, and a recorder of the results."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -12,33 +12,22 @@ from jerkbench.kalman import squared_distance
 from jerkbench.timeline import Timeline
 
 
-class StepModel(NamedTuple):
-    """The model of one time step for all three axes: Kronecker products of the model of one axis with I3.
-
-    Attributes:
-        F: (n, n) transition matrix, the Kronecker product of A with I3.
-        B: (n, 3) input matrix, the Kronecker product of b with I3.
-        Q: (n, n) process noise, the Kronecker product of the Q of one axis with I3.
-    """
-
-    F: FloatArray
-    B: FloatArray
-    Q: FloatArray
-
-
 class StepModels:
-    """The step models of a filter in a cache, whose key is the length of the step in nanoseconds."""
+    """The models of the time steps of a filter, in a cache whose key is the length of the step in nanoseconds."""
 
     def __init__(self, model: Filter, dt0_s: float) -> None:
         self._model, self._dt0_s = model, dt0_s
-        self._known: dict[int, StepModel] = {}
+        self._known: dict[int, tuple[Any, Any, Any]] = {}
 
-    def of(self, dt_s: float) -> StepModel:
-        """Return the step model for a step of ``dt_s`` seconds, from the cache if possible."""
+    def of(self, dt_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return F (n, n), B (n, 3) and Q (n, n) of a step of ``dt_s`` seconds, from the cache if possible.
+
+        The matrices are the Kronecker products of the model of one axis with I3.
+        """
         key = round(dt_s * 1e9)
         if key not in self._known:
             A, b, Q = self._model.axis_model(dt_s, self._dt0_s)
-            self._known[key] = StepModel(_of_three_axes(A), _of_three_axes(b[:, None]), _of_three_axes(Q))
+            self._known[key] = np.kron(A, np.eye(3)), np.kron(b[:, None], np.eye(3)), np.kron(Q, np.eye(3))
         return self._known[key]
 
 
@@ -48,10 +37,6 @@ def initial(timeline: Timeline, model: Filter) -> tuple[FloatArray, FloatArray]:
     P = np.diag(np.concatenate([np.zeros(6), extra]))
     P[:6, :6] = timeline.P0
     return np.concatenate([timeline.x0, np.zeros(len(extra))]), P
-
-
-def _of_three_axes(matrix: FloatArray) -> FloatArray:
-    return np.asarray(np.kron(matrix, np.eye(3)), dtype=np.float64)
 
 
 # The measurement updates. In each update, the adaptation returns R, and a recorder stores the results.

@@ -31,7 +31,7 @@ MAX_CODE = {
     "inertial": 1037,
     "inspection": 1762,
     "io": 2593,
-    "jerkbench": 1796,
+    "jerkbench": 1787,
     "jobs": 1712,
     "kinematic": 1244,
     "plugins": 738,

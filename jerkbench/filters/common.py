@@ -29,6 +29,10 @@ class AxisModels(Limited):
         """Return A (k, n, n), b (k, n) and Q (k, n, n) of one axis for k steps of ``dt`` (k,) seconds."""
         raise NotImplementedError
 
+    def initial_variances(self) -> FloatArray:
+        """Return an empty array (0,), because a filter without a third state has no further variances."""
+        return np.zeros(0)
+
     def axis_model(self, dt: float, dt0: float) -> Models:
         """Return A (n, n), b (n,) and Q (n, n) of one axis for a step of ``dt`` seconds."""
         A, b, Q = self.axis_models(np.array([dt]), dt0)
@@ -122,13 +126,10 @@ class CompiledEstimator:
 
 # The names of the adaptations that an estimator supports.
 
-BEYOND_R = (Fading, AdaptingPrior, AdaptingGain)
-"""Protocols of adaptations that change more than R and need the prior covariance of a single linear filter."""
-
 
 def adaptations_of_r() -> tuple[str, ...]:
     """Return the names of all adaptations that change only R, including third-party plugins."""
-    return _adaptations_without(BEYOND_R)
+    return _adaptations_without((Fading, AdaptingPrior, AdaptingGain))
 
 
 def adaptations_of_r_or_fading() -> tuple[str, ...]:

@@ -117,9 +117,7 @@ class Eskf15(InertialFilter):
     """
 
     provenance = Provenance(
-        "simplified",
-        "Groves, 2nd ed., chapters 5 and 14",
-        "In a tangent plane; the Earth's rotation is optional.",
+        "simplified", "Groves, 2nd ed., chapters 5 and 14", "In a tangent plane; the Earth's rotation is optional."
     )
 
     title: ClassVar[str] = "eskf15"

@@ -100,22 +100,13 @@ class Eskf15Parameters(Limited):
     """Names of the parameters that the filter does not support."""
 
     angle_random_walk_deg_per_sqrt_h: Annotated[
-        float,
-        POSITIVE_SIGMA,
-        Range(0.01, 60.0, log=True, source=_GRADES),
-        OF_FIELD,
+        float, POSITIVE_SIGMA, Range(0.01, 60.0, log=True, source=_GRADES), OF_FIELD
     ] = 0.6
     velocity_random_walk_mps_per_sqrt_h: Annotated[
-        float,
-        POSITIVE_SIGMA,
-        Range(0.005, 20.0, log=True, source=_GRADES),
-        OF_FIELD,
+        float, POSITIVE_SIGMA, Range(0.005, 20.0, log=True, source=_GRADES), OF_FIELD
     ] = 0.12
     gyro_instability_deg_per_h: Annotated[
-        float,
-        MAY_BE_OFF,
-        Range(0.1, 500.0, log=True, source=_GRADES),
-        INDUSTRIAL,
+        float, MAY_BE_OFF, Range(0.1, 500.0, log=True, source=_GRADES), INDUSTRIAL
     ] = 5.0
     gyro_correlation_s: Annotated[float, MORE_THAN_0, DefaultOrigin("ours: long against an outage")] = 1000.0
     accel_instability_mg: Annotated[float, MAY_BE_OFF, Range(0.005, 10.0, log=True, source=_GRADES), INDUSTRIAL] = 0.1

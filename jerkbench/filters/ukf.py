@@ -172,7 +172,8 @@ class UnscentedRun(InertialRun):
         if dt_s > 0.0:
             self.ukf.x, self.ukf.P, self.ukf.Q = np.zeros(STATES), self.P, self._process_noise(dt_s)
             self.ukf.predict(dt=dt_s)
-            self._absorb()
+            self.state = added(self.state, self.ukf.x)  # the mean error of a prediction, which is of second order
+            self.P = 0.5 * (self.ukf.P + self.ukf.P.T)
         self.rate = self.imu.gyro_radps[sample] - self.state.gyro_bias_radps
 
     def _move_sigmas(self, dt: float, fx: None = None) -> None:
@@ -181,11 +182,6 @@ class UnscentedRun(InertialRun):
         sigmas = self.points.sigma_points(self.ukf.x, self.ukf.P)
         sensed = self.imu.accel_mps2[self.sample], self.imu.gyro_radps[self.sample]
         self.state, self.ukf.sigmas_f = step_all(self.state, sigmas, *sensed, dt)
-
-    def _absorb(self) -> None:
-        """Apply the mean error of a prediction, which is of second order, to the nominal state."""
-        self.state = added(self.state, self.ukf.x)
-        self.P = 0.5 * (self.ukf.P + self.ukf.P.T)
 
     def _recentre(self) -> None:
         """Apply the mean error of an update to the nominal state, and compute the covariance about the new state."""
