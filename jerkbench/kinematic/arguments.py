@@ -238,6 +238,13 @@ def read_matrix(stream: FloatArray, row: int, into: FloatArray) -> None:
                 into[a, b] = vectors[row, a, b]
 
 
+def copy_matrix(given: FloatArray, into: FloatArray) -> None:
+    """Copy a square matrix of vectors."""
+    for a in range(len(into)):
+        for b in range(len(into)):
+            into[a, b] = given[a, b]
+
+
 # Signatures of the compiled functions.
 
 Called = Callable[..., None]

@@ -17,6 +17,7 @@ from jerkbench.kinematic.arguments import (
     Runs,
     Scoring,
     Steps,
+    copy_matrix,
     loop_type,
     read,
     read_matrix,
@@ -141,7 +142,7 @@ def run_steps(
                 return
         if reference >= 0:
             if len(output.states) > 0 or scored.consistency:
-                _copy(run.P, run.shown)
+                copy_matrix(run.P, run.shown)
                 predict_covariance(run.shown, run.A_total, run.Q_total, run.square)
             give(run, run.shown, scored, output, reference)
 
@@ -151,12 +152,6 @@ def all_stopped(run: Runs, k: int) -> bool:
     stopped = select(run.stopped[0], 0.0, 1.0, 0.0)
     run.ended[0] = select(stopped * (-0.5 - run.ended[0]), 0.0, float(k), run.ended[0])
     return not anywhere(1.0 - stopped)
-
-
-def _copy(given: FloatArray, into: FloatArray) -> None:
-    for a in range(len(given)):
-        for b in range(len(given)):
-            into[a, b] = given[a, b]
 
 
 def _take_due(run: Runs) -> None:

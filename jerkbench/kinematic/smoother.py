@@ -42,6 +42,7 @@ from jerkbench.kinematic.arguments import (
     Runs,
     Scoring,
     Steps,
+    copy_matrix,
     loop_type,
     read_matrix,
     record_layout,
@@ -123,8 +124,7 @@ def run_smoother(
 def _copy(x: FloatArray, P: FloatArray, into_x: FloatArray, into_P: FloatArray) -> None:
     for s in range(len(into_x)):
         into_x[s] = x[s]
-        for t in range(len(into_x)):
-            into_P[s, t] = P[s, t]
+    copy_matrix(P, into_P)
 
 
 @not_inlined
