@@ -19,7 +19,7 @@ ROOT = Path(jerkbench.__file__).parents[1]
 MAX_FILE_LINES = 500
 """Lines of a file."""
 
-MAX_MODULES, MAX_FOLDERS = 158, 23
+MAX_MODULES, MAX_FOLDERS = 157, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
     "campaign": 1567,
@@ -28,18 +28,18 @@ MAX_CODE = {
     "evaluation": 965,
     "hydra_app": 720,
     "hydra_plugins": 15,
-    "inertial": 1037,
+    "inertial": 1029,
     "inspection": 1762,
     "io": 2593,
     "jerkbench": 1787,
     "jobs": 1712,
-    "kinematic": 1244,
+    "kinematic": 1243,
     "plugins": 738,
     "report": 2630,
     "simulation": 598,
 }
 """Lines of code of each package without docstrings, comments, blank lines, imports and plugins. They may only fall."""
-MAX_LONE = 10
+MAX_LONE = 9
 """Modules that one other module imports; the aim is none."""
 
 DOUBLES = {"anywhere", "each_run", "select"}

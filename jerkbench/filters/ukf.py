@@ -14,7 +14,19 @@ from jerkbench.filters.eskf15 import InertialFilter
 from jerkbench.geometry import wrap_angle
 from jerkbench.inertial.run import InertialRun
 from jerkbench.inertial.run_inputs import Events, InertialInputs
-from jerkbench.inertial.state import BA, BG, GYRO, PHI, STATES, NavigationState, P, V, added, rotation_exp
+from jerkbench.inertial.state import (
+    BA,
+    BG,
+    GYRO,
+    PHI,
+    STATES,
+    NavigationState,
+    P,
+    V,
+    added,
+    process_noise,
+    rotation_exp,
+)
 from jerkbench.inertial.update import heading, velocity_in_body
 from jerkbench.notices import notify
 from jerkbench.parameters import DefaultOrigin, Limit, Provenance, Range
@@ -170,7 +182,8 @@ class UnscentedRun(InertialRun):
     def _step(self, dt_s: float, sample: int) -> None:
         self.sample = sample
         if dt_s > 0.0:
-            self.ukf.x, self.ukf.P, self.ukf.Q = np.zeros(STATES), self.P, self._process_noise(dt_s)
+            self.ukf.x, self.ukf.P = np.zeros(STATES), self.P
+            self.ukf.Q = process_noise(self.settings.noise, dt_s)
             self.ukf.predict(dt=dt_s)
             self.state = added(self.state, self.ukf.x)  # the mean error of a prediction, which is of second order
             self.P = 0.5 * (self.ukf.P + self.ukf.P.T)

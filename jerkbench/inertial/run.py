@@ -69,7 +69,6 @@ class InertialRun:
         self.imu, self.timeline, self.headings, _, start, self.settings = inputs
         self.state, self.P = start
         self.updates = AdaptedUpdates(inputs.timeline, adaptation, log_det=False)
-        self.noises: dict[int, FloatArray] = {}
         self.rate = np.zeros(3)
         self.dcms: list[FloatArray] = []
 
@@ -102,7 +101,7 @@ class InertialRun:
         Phi = transition(dt_s, propagation.mean_dcm, propagation.force_enu_mps2, len(self.P))
         references = events.reference[steps].tolist()
         for k, dt in enumerate(dt_s.tolist()):
-            self._propagate_covariance(Phi[k], self._process_noise(dt))
+            self._propagate_covariance(Phi[k], process_noise(self.settings.noise, dt, len(self.P)))
             if k == len(dt_s) - 1 or references[k] >= 0:
                 self.state, self.rate = propagation.state(before, k), sensed[1][k]
             if k < len(dt_s) - 1 and references[k] >= 0:
@@ -110,12 +109,6 @@ class InertialRun:
 
     def _propagate_covariance(self, Phi: FloatArray, Q: FloatArray) -> None:
         self.P = np.asarray(Phi.dot(self.P).dot(Phi.T) + Q)
-
-    def _process_noise(self, dt: float) -> FloatArray:
-        key = round(dt * 1e9)
-        if key not in self.noises:
-            self.noises[key] = process_noise(self.settings.noise, dt, len(self.P))
-        return self.noises[key]
 
     def _apply_corrections(self, events: Events, k: int, *, constrained: bool) -> bool:
         """Apply the measurements and constraints after step ``k``. Return False if the filter has diverged."""

@@ -1,6 +1,7 @@
 """Rotations, the nominal state and its strapdown mechanisation, and the propagation of the error state."""
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -323,6 +324,7 @@ def transition(dt_s: FloatArray, dcm: FloatArray, force_enu_mps2: FloatArray, st
     return Phi
 
 
+@lru_cache(maxsize=256)  # most steps of a run have equal lengths
 def process_noise(noise: SensorNoise, dt_s: float, states: int = STATES) -> FloatArray:
     """Return the process noise Q (n, n) of a time step. All states after the fifteenth state are constant.
 

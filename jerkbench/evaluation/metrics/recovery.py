@@ -254,17 +254,12 @@ class Lockout:
         used, reported = used[:, rows], reported[:, rows]
         inflated = np.asarray((used > INFLATED * reported).any(axis=0))
         rejected = (~np.isfinite(used)).all(axis=0)
+        t_s, (begin, end) = updates.t_s[rows], streaks(inflated).T
         return {
             "inflated_percent": 100 * float(inflated.mean()),
             "rejected_percent": 100 * float(rejected.mean()),
-            "lockout_s": longest_streak_s(inflated, updates.t_s[rows]),
+            "lockout_s": float(np.max(t_s[end - 1] - t_s[begin], initial=0.0)),
         }
-
-
-def longest_streak_s(flags: BoolArray, t_s: FloatArray) -> float:
-    """Return the longest time [s] from the first to the last of consecutive true ``flags``, or 0 if no flag is true."""
-    begin, end = streaks(flags).T
-    return float(np.max(t_s[end - 1] - t_s[begin], initial=0.0))
 
 
 def used_and_reported(updates: Updates, recording: Recording) -> tuple[FloatArray, FloatArray]:
