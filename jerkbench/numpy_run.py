@@ -30,6 +30,13 @@ class StepModels:
             self._known[key] = np.kron(A, np.eye(3)), np.kron(b[:, None], np.eye(3)), np.kron(Q, np.eye(3))
         return self._known[key]
 
+    def predicted(
+        self, x: FloatArray, P: FloatArray, dt_s: float, u: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return x (n,) and P (n, n) after a step of ``dt_s`` seconds with the input u (3,), and F (n, n)."""
+        F, B, Q = self.of(dt_s)
+        return F @ x + B @ u, F @ P @ F.T + Q, F
+
 
 def initial(timeline: Timeline, model: Filter) -> tuple[FloatArray, FloatArray]:
     """Return the initial state x (n,) of the filter ``model`` and its covariance P (n, n) for a timeline."""

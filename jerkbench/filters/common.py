@@ -132,6 +132,15 @@ def adaptations_of_r() -> tuple[str, ...]:
     return _adaptations_without((Fading, AdaptingPrior, AdaptingGain))
 
 
+class AdaptedR:
+    """Base class of estimators that support all adaptations that change only R."""
+
+    @property
+    def adaptations(self) -> tuple[str, ...]:
+        """Names of the supported adaptations: all adaptations that change only R."""
+        return adaptations_of_r()
+
+
 def adaptations_of_r_or_fading() -> tuple[str, ...]:
     """Return the names of all adaptations that change only R or multiply the prior covariance by a fading factor."""
     return _adaptations_without((AdaptingPrior, AdaptingGain))

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate, Streamed
-from jerkbench.filters.common import adaptations_of_r
+from jerkbench.filters.common import AdaptedR
 from jerkbench.filters.inertial_parameters import Eskf15Parameters, aided, run_inputs, takes_timeline
 from jerkbench.inertial.run import InertialRun, InertialSolution, smooth_navigation
 from jerkbench.inertial.run_inputs import InertialInputs
@@ -17,15 +17,10 @@ from jerkbench.recording import Recording
 from jerkbench.timeline import RecordedRun, Timeline
 
 
-class InertialFilter(Eskf15Parameters):
+class InertialFilter(Eskf15Parameters, AdaptedR):
     """Base class of the inertial filters that have the parameters of `eskf15` and run in NumPy."""
 
     invariant: ClassVar[bool] = False
-
-    @property
-    def adaptations(self) -> tuple[str, ...]:
-        """Names of the supported adaptations: all adaptations that change only R."""
-        return adaptations_of_r()
 
     def require(self, load: Callable[[], Recording]) -> None:
         """Load the recording and check that it has the wheel speed that ``wheel_scale`` needs.

@@ -17,9 +17,9 @@ from jerkbench.filters.common import (
     FROM_FILTER,
     JERK_WALK,
     STAYS,
+    AdaptedR,
     CompiledEstimator,
     CompiledFunctions,
-    adaptations_of_r,
 )
 from jerkbench.filters.kinematic import Acceleration, Baseline, Bias, Jerk
 from jerkbench.kalman import is_healthy, squared_distance, updated
@@ -38,7 +38,7 @@ TWENTY_UPDATES = DefaultOrigin("ours: a model lasts 20 updates")
 
 @register("filter", "imm")
 @dataclass(frozen=True)
-class InteractingMultipleModels(Limited, CompiledEstimator):
+class InteractingMultipleModels(Limited, AdaptedR, CompiledEstimator):
     """Two kinematic filters run in parallel, and each update weights them by the likelihood of the measurement.
 
     A cycle consists of a measurement update and the prediction steps before this update. In the following equations of
@@ -122,11 +122,6 @@ class InteractingMultipleModels(Limited, CompiledEstimator):
                 f"imm cannot mix {self.first} with {self.second}, because their third states have different meanings;"
                 " combine each of these models only with baseline or with itself."
             )
-
-    @property
-    def adaptations(self) -> tuple[str, ...]:
-        """Names of the supported adaptations: all adaptations that change only R."""
-        return adaptations_of_r()
 
     @property
     def uses_imu(self) -> bool:
@@ -243,7 +238,9 @@ class Mixture:
         steps = zip(t.dt_s.tolist(), t.sample.tolist(), t.update.tolist(), t.reference.tolist(), strict=True)
         for k, (dt, sample, update, reference) in enumerate(steps):
             if dt > 0:
-                self._predict(dt, t.accel_enu_mps2[sample])
+                u = t.accel_enu_mps2[sample]
+                for j, models in enumerate(self.models):
+                    self.x[j], self.P[j], _ = models.predicted(self.x[j], self.P[j], dt, u)
             if update >= 0:
                 self._update(update)
             if not self.healthy:
@@ -252,11 +249,6 @@ class Mixture:
                 x, P = combined(self.x, self.P, self.weights)
                 recorder.state(reference, x[:6], P[:6, :6])
         return recorder.estimate()
-
-    def _predict(self, dt: float, u: FloatArray) -> None:
-        for j, models in enumerate(self.models):
-            F, B, Q = models.of(dt)
-            self.x[j], self.P[j] = F @ self.x[j] + B @ u, F @ self.P[j] @ F.T + Q
 
     def _update(self, update: int) -> None:
         """Adapt R with the combined prediction, update both filters, and mix them if their covariances are valid."""

@@ -231,13 +231,7 @@ def _start(timeline: Timeline, model: Filter | ConstantTurn) -> tuple[FloatArray
     """Return the initial x and P of the filter, and the function that predicts one time step."""
     if isinstance(model, ConstantTurn):
         return *model.start(timeline), lambda x, P, dt, _: model.predicted(x, P, dt)
-    models = StepModels(model, timeline.dt0_s)
-
-    def predicted(x: FloatArray, P: FloatArray, dt: float, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        F, B, Q = models.of(dt)
-        return F @ x + B @ u, F @ P @ F.T + Q, F
-
-    return *initial(timeline, model), predicted
+    return *initial(timeline, model), StepModels(model, timeline.dt0_s).predicted
 
 
 def _forward(timeline: Timeline, model: Filter | ConstantTurn, update: MeasurementUpdates) -> tuple[ForwardPass, str]:
