@@ -122,17 +122,14 @@ class Estimate:
         import pandas as pd
 
         sigma = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
-        axes = ("east", "north", "up")
-        parts = {
-            tuple(f"{axis}_m" for axis in axes): self.position_m,
-            tuple(f"velocity_{axis}_mps" for axis in axes): self.velocity_mps,
-            tuple(f"sigma_{axis}_m" for axis in axes): sigma[:, :3],
-            tuple(f"sigma_velocity_{axis}_mps" for axis in axes): sigma[:, 3:],
-            ("roll_rad", "pitch_rad", "yaw_rad"): self.euler_rad,
-        }
-        columns = {name: values[:, k] for names, values in parts.items() for k, name in enumerate(names)}
-        stamps = {} if t_s is None else {"t_s": t_s[self.index]}
-        return pd.DataFrame({**stamps, **columns}, index=pd.Index(self.index, name="reference_row"))
+        names = ("{}_m", "velocity_{}_mps", "sigma_{}_m", "sigma_velocity_{}_mps")
+        columns = [name.format(axis) for name in names for axis in ("east", "north", "up")]
+        values = np.hstack([self.position_m, self.velocity_mps, sigma, self.euler_rad])
+        index = pd.Index(self.index, name="reference_row")
+        frame = pd.DataFrame(values, index, [*columns, "roll_rad", "pitch_rad", "yaw_rad"])
+        if t_s is not None:
+            frame.insert(0, "t_s", t_s[self.index])
+        return frame
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,8 +34,6 @@ from jerkbench.numpy_run import Recorder, StepModels, initial
 from jerkbench.plugins import register
 from jerkbench.timeline import Timeline
 
-COVARIANCE_FORMS = ("joseph", "paper")
-
 
 @register("engine", "filterpy")
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ class FilterpyEngine:
     covariance: str = "joseph"
 
     def __post_init__(self) -> None:
-        require_known("covariance update", self.covariance, COVARIANCE_FORMS)
+        require_known("covariance update", self.covariance, ("joseph", "paper"))
 
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:
         """Run the filter ``model`` with ``adaptation`` over ``timeline``. The estimate ends if the filter diverges."""

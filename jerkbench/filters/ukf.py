@@ -251,10 +251,9 @@ class UnscentedRun(InertialRun):
     def _constrain(self, sample: int) -> None:
         """Apply a zero-velocity update if the vehicle is stationary, otherwise the non-holonomic constraint."""
         limits = self.settings.constraints
-        slow = np.linalg.norm(self.state.velocity_mps) < limits.still_below_mps
-        if limits.still[sample] and slow:
-            sigma = limits.still_sigma_mps
-            self._take_unadapted(np.zeros(3), sigma**2 * np.eye(3), lambda dx: self.state.velocity_mps + dx[V])
+        if limits.still[sample] and np.linalg.norm(self.state.velocity_mps) < limits.still_below_mps:
+            R = limits.still_sigma_mps**2 * np.eye(3)
+            self._take_unadapted(np.zeros(3), R, lambda dx: self.state.velocity_mps + dx[V])
         elif limits.sideways_sigma_mps > 0:
             self._take_unadapted(np.zeros(2), limits.sideways_sigma_mps**2 * np.eye(2), self._sideways)
 

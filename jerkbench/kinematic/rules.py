@@ -304,10 +304,7 @@ class Rule:
         return adapt.result(), gain.result()
 
 
-IN_PYTHON = "estimators with {} run in plain Python"
-
-
-def compiled_rule(adaptation: Adaptation, otherwise: str = IN_PYTHON) -> Rule | None:
+def compiled_rule(adaptation: Adaptation, otherwise: str = "estimators with {} run in plain Python") -> Rule | None:
     """Return the compiled adaptation. If numba cannot compile the adaptation, print the reason and return None.
 
     Args:
