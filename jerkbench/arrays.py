@@ -144,8 +144,7 @@ def require_covariances(owner: object, name: str, covariance: FloatArray, presen
 def require_choices(owner: object, choices: Mapping[str, Collection[str]]) -> None:
     """Raise a PluginError for the first parameter whose value is not among its choices."""
     for name, available in choices.items():
-        value = getattr(owner, name)
-        require_known(name, value, available)
+        require_known(name, getattr(owner, name), available)
 
 
 def require_lengths(owner: object, lengths: Mapping[str, Collection[int]]) -> None:

@@ -119,8 +119,6 @@ def euler_from_quaternion(wxyz: FloatArray) -> FloatArray:
     """Return roll, pitch and yaw (n, 3) [rad] of quaternions (n, 4), scalar first, that rotate from body to ENU."""
     from scipy.spatial.transform import Rotation
 
-    if not len(wxyz):
-        return np.empty((0, 3))
     return euler_from_dcm(np.asarray(Rotation.from_quat(np.asarray(wxyz), scalar_first=True).as_matrix()))
 
 

@@ -42,6 +42,15 @@ every form of the update has errors of 1e-11.
 """
 
 
+def submatrix(A: FloatArray, rows: IntArray) -> FloatArray:
+    """Return the submatrix H A H' of the rows and columns ``rows`` of A, in loops that numba compiles."""
+    HAHt = np.empty((len(rows), len(rows)), A.dtype)
+    for i in range(len(rows)):
+        for j in range(len(rows)):
+            HAHt[i, j] = A[rows[i], rows[j]]
+    return HAHt
+
+
 def innovation_factor(S: FloatArray) -> FloatArray | None:
     """Return the Cholesky factor L of S (m, m), or None if S is not numerically symmetric and positive definite."""
     variances = np.diag(S)

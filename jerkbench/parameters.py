@@ -1,4 +1,4 @@
-"""Metadata of plugins: provenance of methods, ranges and origins of parameters, and interpretation of metric columns.
+"""Metadata of plugins: provenance, ranges and origins of parameters, factors on R, interpretation of metric columns.
 
 The metadata of a tunable parameter are part of its type annotation::
 
@@ -10,9 +10,9 @@ import math
 import typing
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
-from jerkbench.errors import PluginError
+from jerkbench.errors import PluginError, require_known
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,6 +99,7 @@ class Limited:
 NOT_NEGATIVE = Limit(lambda value: 0 <= value < math.inf, "it must be zero or positive, and finite.")
 ABOVE_ZERO = Limit(lambda value: 0 < value < math.inf, "it must be a positive number.")
 AT_LEAST_ONE = Limit(lambda value: value >= 1, "it must be at least 1.")
+BETWEEN_0_AND_1 = Limit(lambda value: 0 < value < 1, "it must lie between 0 and 1.")
 
 
 SWITCH = Range(0.0, 1.0, source="off or on")
@@ -221,3 +222,49 @@ def _notes(cls: type) -> Mapping[str, tuple[object, ...]]:
     """Return the metadata in the type annotation of each field, by the name of the field."""
     hints = typing.get_type_hints(cls, include_extras=True)
     return {f.name: getattr(hints[f.name], "__metadata__", ()) for f in dataclasses.fields(cls)}
+
+
+# Factors on the measurement covariances R that a receiver reports.
+
+_FACTOR = Limit(
+    lambda factor: isinstance(factor, float) and 0 < factor < math.inf,
+    "r_scale needs positive numbers (1 leaves R as reported).",
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class RScale(Limited):
+    """Factors on the reported covariances R. The factors are tunable parameters, like the process noise.
+
+    The factors change neither the measurements nor the true covariances nor the attitude.
+
+    Attributes:
+        position: Factor on the covariance of each position [-].
+        velocity: Factor on the covariance of each velocity [-].
+    """
+
+    position: Annotated[float, _FACTOR] = 1.0
+    velocity: Annotated[float, _FACTOR] = 1.0
+
+    @property
+    def changed(self) -> dict[str, float]:
+        """The factors that differ from 1, by name (position, velocity)."""
+        return {name: value for name, value in vars(self).items() if value != 1.0}
+
+
+def scale_of(values: object) -> RScale:
+    """Return the factors in the mapping ``values``. If ``values`` is None, both factors are 1.
+
+    Raises:
+        PluginError: ``values`` is not a mapping, a key is unknown, or a factor is not a positive number.
+    """
+    factors = {} if values is None else values
+    if not isinstance(factors, Mapping):
+        raise PluginError(f"r_scale is {factors}; give two factors: r_scale.position=2 r_scale.velocity=0.5.")
+    for name in factors:
+        require_known("parameter of r_scale", str(name), [f.name for f in dataclasses.fields(RScale)])
+    return RScale(**{name: float(value) if type(value) is int else value for name, value in factors.items()})
+
+
+AS_REPORTED = RScale()
+"""The factors that leave R as the receiver reports it."""

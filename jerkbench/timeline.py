@@ -15,7 +15,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude, ErrorWeights
-from jerkbench.r_scale import AS_REPORTED, RScale, with_r_scale
+from jerkbench.parameters import AS_REPORTED, RScale
 from jerkbench.recording import Recording, Velocity
 
 VARIANCE_FLOOR = 1e-6
@@ -412,6 +412,18 @@ def step_lengths(dt_s: FloatArray) -> tuple[FloatArray, IntArray]:
 def _even(dt: FloatArray | IntArray) -> bool:
     """Return whether all steps after the start have equal lengths. This check avoids a slow sort of the lengths."""
     return bool(len(dt) > 1 and dt[0] <= 0 < dt[1] and (dt[1:] == dt[1]).all())
+
+
+def with_r_scale(recording: Recording, scale: RScale) -> Recording:
+    """Return the recording with scaled reported covariances and unchanged true covariances, which an oracle uses."""
+    if not scale.changed:
+        return recording
+    p, v = recording.position, recording.velocity
+    return dataclasses.replace(
+        recording,
+        position=p and p.changed(p.values, scale.position * p.reported, p.true),
+        velocity=v and v.changed(v.values, scale.velocity * v.reported, v.true),
+    )
 
 
 def scaled_timeline(timeline: Timeline, recording: Recording, attitude: Attitude, scale: RScale) -> Timeline:

@@ -19,10 +19,10 @@ ORDER = [
         "compilation",
     ],
     ["recording", "kalman"],
-    ["estimate", "geometry", "r_scale"],
+    ["estimate", "geometry"],
     ["timeline"],
     ["contracts", "plugins.samples"],
-    ["adapted_updates", "kinematic", "plugins"],
+    ["numpy_run", "kinematic", "plugins"],
     ["inertial", "simulation", "io"],
     ["datasets", "disturbances", "attitude", "plugins.catalogue"],
     ["filters", "adaptation"],
@@ -31,7 +31,7 @@ ORDER = [
     ["testing", "inspection"],
     ["jobs"],
     ["campaign", "report.changes", "report.study_figures"],
-    ["hydra_app", "fetching", "plugins.new"],
+    ["hydra_app", "plugins.new"],
     ["api", "cli"],
     ["__main__"],
 ]
@@ -39,7 +39,7 @@ ORDER = [
 Their names contain a dot.
 """
 STAGE = {name: place for place, names in enumerate(ORDER) for name in names}
-MAX_LEVELS = 16
+MAX_LEVELS = 14
 """Length of the longest chain of parts in which each imports the next. It may be lowered, and is never raised."""
 PACKAGE = Path(jerkbench.__file__).parent
 

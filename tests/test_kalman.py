@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from decimals import exact, numbers, solve
-from jerkbench.adapted_updates import AdaptedUpdates
 from jerkbench.kalman import gain_and_rest, innovation_factor, spread_by
+from jerkbench.numpy_run import AdaptedUpdates
 from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 

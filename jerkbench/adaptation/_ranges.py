@@ -17,9 +17,7 @@ MAX_PASSES = 1000
 """Maximum number of passes of an iterated update, which limits the run time. The papers use at most ten passes."""
 
 ABOVE_0 = Limit(lambda value: value > 0, "it must be above 0.")
-ONE_OR_MORE = Limit(lambda value: value >= 1, "it must be at least 1.")
 ZERO_OR_MORE = Limit(lambda value: value >= 0, "it must be 0 or more.")
-WITHIN_0_AND_1 = Limit(lambda value: 0 < value < 1, "it must lie between 0 and 1.")
 HITS = Limit(lambda guard: guard >= 0, "it must be 0 (off) or the number of consecutive hits that inflate R.")
 PASSES = Limit(lambda passes: 1 <= passes <= MAX_PASSES, f"it must be from 1 to {MAX_PASSES}.")
 

@@ -6,11 +6,11 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import ABOVE_0, PROBABILITY, WITHIN_0_AND_1, ZERO_OR_MORE
+from jerkbench.adaptation._ranges import ABOVE_0, PROBABILITY, ZERO_OR_MORE
 from jerkbench.adaptation.common import chi2_tail, innovation_distance, position_rows
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, each_run, select
-from jerkbench.parameters import DefaultOrigin, Limit, Limited, Provenance, Range
+from jerkbench.parameters import BETWEEN_0_AND_1, DefaultOrigin, Limit, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -41,7 +41,7 @@ class Chi2Gate(Limited):
         "simplified", "doi:10.1002/0471221279", "Position and velocity separately; at most 25 consecutive rejections."
     )
 
-    probability: Annotated[float, WITHIN_0_AND_1, PROBABILITY, DefaultOrigin("convention of such tests")] = 0.99
+    probability: Annotated[float, BETWEEN_0_AND_1, PROBABILITY, DefaultOrigin("convention of such tests")] = 0.99
     longest: Annotated[
         int,
         ZERO_OR_MORE,

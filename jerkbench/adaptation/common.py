@@ -23,11 +23,11 @@ from jerkbench.adaptation.linalg import (
     scaled,
     solve,
     solve_rows,
-    submatrix,
     trace,
 )
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, each_run, select
+from jerkbench.kalman import submatrix
 from jerkbench.parameters import Limited
 
 

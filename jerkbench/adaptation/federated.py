@@ -6,12 +6,11 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import WITHIN_0_AND_1
 from jerkbench.adaptation.common import position_rows
 from jerkbench.adaptation.linalg import dot, trace
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import select
-from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
+from jerkbench.parameters import BETWEEN_0_AND_1, DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -49,7 +48,7 @@ class Federated(Limited):
     )
 
     beta: Annotated[
-        float, WITHIN_0_AND_1, Range(0.05, 0.95, source="any fraction above 0"), DefaultOrigin("equal fractions")
+        float, BETWEEN_0_AND_1, Range(0.05, 0.95, source="any fraction above 0"), DefaultOrigin("equal fractions")
     ] = 0.5
 
     lanes: ClassVar[bool] = True

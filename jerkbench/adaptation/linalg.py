@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.arrays import FloatArray
 from jerkbench.compilation.lanes import above, anywhere, select
 from jerkbench.kalman import INDEFINITE, ROUNDING
 
@@ -191,15 +191,6 @@ def scaled(A: FloatArray, factor: float) -> FloatArray:
         for j in range(A.shape[1]):
             product[i, j] = A[i, j] * factor
     return product
-
-
-def submatrix(A: FloatArray, rows: IntArray) -> FloatArray:
-    """Return the submatrix H A H' of the rows and columns ``rows`` of A."""
-    HAHt = np.empty((len(rows), len(rows)), A.dtype)
-    for i in range(len(rows)):
-        for j in range(len(rows)):
-            HAHt[i, j] = A[rows[i], rows[j]]
-    return HAHt
 
 
 def fill_inverse_diagonal(M: FloatArray, X: FloatArray, d: FloatArray) -> None:

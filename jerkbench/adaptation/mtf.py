@@ -5,12 +5,12 @@ from typing import Annotated, ClassVar, Self
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import HITS, ONE_OR_MORE, PROBABILITY, SHORT_WINDOW, WITHIN_0_AND_1, ZERO_OR_MORE
+from jerkbench.adaptation._ranges import HITS, PROBABILITY, SHORT_WINDOW, ZERO_OR_MORE
 from jerkbench.adaptation.common import Windowed, chi2_tail, inflated, innovation_distance
 from jerkbench.adaptation.linalg import dot, trace
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import select
-from jerkbench.parameters import DefaultOrigin, Provenance
+from jerkbench.parameters import AT_LEAST_ONE, BETWEEN_0_AND_1, DefaultOrigin, Provenance
 from jerkbench.plugins import register
 
 
@@ -58,7 +58,7 @@ class Mtf(Windowed):
         "simplified", "doi:10.1016/j.isatra.2010.04.001", "After a trace test, as in the paper of `jerk`."
     )
 
-    window: Annotated[int, ONE_OR_MORE, SHORT_WINDOW, DefaultOrigin("literature: the paper has mu = 1")] = 1
+    window: Annotated[int, AT_LEAST_ONE, SHORT_WINDOW, DefaultOrigin("literature: the paper has mu = 1")] = 1
     guard: Annotated[int, HITS, DefaultOrigin("off, as in the paper")] = 0
     after: Annotated[int, ZERO_OR_MORE, DefaultOrigin("off; the paper does not quantify the steady state")] = 0
     after_s: Annotated[float, ZERO_OR_MORE, DefaultOrigin("off, as after")] = 0.0
@@ -114,7 +114,7 @@ class MtfBlock(Windowed):
         "own", "doi:10.1016/j.isatra.2010.04.001", "`mtf` with one test for position and one for velocity."
     )
 
-    window: Annotated[int, ONE_OR_MORE, SHORT_WINDOW, DefaultOrigin("literature: the paper has mu = 1")] = 1
+    window: Annotated[int, AT_LEAST_ONE, SHORT_WINDOW, DefaultOrigin("literature: the paper has mu = 1")] = 1
     guard: Annotated[int, HITS, DefaultOrigin("off, as in the paper")] = 0
 
     lanes: ClassVar[bool] = True
@@ -167,8 +167,8 @@ class MtfNis(Windowed):
         "own", "doi:10.1016/j.isatra.2010.04.001", "`mtf` with a chi-square test of the innovation."
     )
 
-    probability: Annotated[float, WITHIN_0_AND_1, PROBABILITY, DefaultOrigin("convention of such tests")] = 0.99
-    window: Annotated[int, ONE_OR_MORE, SHORT_WINDOW, DefaultOrigin("as mtf")] = 1
+    probability: Annotated[float, BETWEEN_0_AND_1, PROBABILITY, DefaultOrigin("convention of such tests")] = 0.99
+    window: Annotated[int, AT_LEAST_ONE, SHORT_WINDOW, DefaultOrigin("as mtf")] = 1
     guard: Annotated[int, HITS, DefaultOrigin("off, as mtf")] = 0
 
     lanes: ClassVar[bool] = True

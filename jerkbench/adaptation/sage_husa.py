@@ -6,11 +6,12 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import FORGETTING, SHRINKING, WITHIN_0_AND_1, check_order
-from jerkbench.adaptation.linalg import factorise, forward_rows, solve, submatrix
+from jerkbench.adaptation._ranges import FORGETTING, SHRINKING, check_order
+from jerkbench.adaptation.linalg import factorise, forward_rows, solve
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import select
-from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
+from jerkbench.kalman import submatrix
+from jerkbench.parameters import BETWEEN_0_AND_1, DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 GROWING = Range(10.0, 1e6, log=True, source="ours: from 3 to 1000 times the reported sigma")
@@ -47,7 +48,7 @@ class SageHusa(Limited):
         "simplified", "Sage and Husa, 1969", "Only the diagonal of R, within bounds; neither the means nor Q."
     )
 
-    forgetting: Annotated[float, WITHIN_0_AND_1, FORGETTING, DefaultOrigin("literature: 0.95 to 0.99")] = 0.97
+    forgetting: Annotated[float, BETWEEN_0_AND_1, FORGETTING, DefaultOrigin("literature: 0.95 to 0.99")] = 0.97
     low: Annotated[float, SHRINKING, DefaultOrigin("ours: ensures a positive R")] = 0.1
     high: Annotated[float, GROWING, DefaultOrigin("ours: a hundred times the reported sigma")] = 1e4
 
@@ -107,7 +108,7 @@ class SageHusaBoth(Limited):
         "own", "Sage and Husa, 1969", "The recursion of the source for the diagonal of R; for Q, one factor per state."
     )
 
-    forgetting: Annotated[float, WITHIN_0_AND_1, FORGETTING, DefaultOrigin("literature: 0.95 to 0.99")] = 0.97
+    forgetting: Annotated[float, BETWEEN_0_AND_1, FORGETTING, DefaultOrigin("literature: 0.95 to 0.99")] = 0.97
     low: Annotated[float, SHRINKING, DefaultOrigin("ours: ensures a positive R and Q")] = 0.1
     high: Annotated[float, GROWING, DefaultOrigin("ours: a hundred times the reported sigma")] = 1e4
     high_process: Annotated[float, GROWING, DefaultOrigin("ours: ten times the sigma of the model")] = 1e2

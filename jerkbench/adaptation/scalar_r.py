@@ -3,12 +3,11 @@
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from jerkbench.adaptation._ranges import ONE_OR_MORE
 from jerkbench.adaptation.common import UnchangedR
 from jerkbench.adaptation.linalg import dot, scaled, trace
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import select
-from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
+from jerkbench.parameters import AT_LEAST_ONE, DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -72,7 +71,7 @@ class ScalarQ(UnchangedR, Limited):
 
     limit: Annotated[
         float,
-        ONE_OR_MORE,
+        AT_LEAST_ONE,
         Range(1.5, 1e5, log=True, source="ours: from 1.2 to 300 times the sigma of the prior"),
         DefaultOrigin("ours: bounds the covariance of unmeasured states"),
     ] = 1e3

@@ -8,9 +8,10 @@ import numpy as np
 
 from jerkbench.adaptation._ranges import ABOVE_0, BANDWIDTH, FREEDOM, ONE_OF_SIDES, PASSES, one_of
 from jerkbench.adaptation.common import MAX_ITERATIONS, MIN_WEIGHT, take_step
-from jerkbench.adaptation.linalg import diagonalise, explained_sums, scaled, submatrix
+from jerkbench.adaptation.linalg import diagonalise, explained_sums, scaled
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, select
+from jerkbench.kalman import submatrix
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
 

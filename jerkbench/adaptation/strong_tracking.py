@@ -6,11 +6,11 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import ABOVE_0, FORGETTING, ONE_OR_MORE, WITHIN_0_AND_1
+from jerkbench.adaptation._ranges import ABOVE_0, FORGETTING
 from jerkbench.adaptation.common import UnchangedR
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import select
-from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
+from jerkbench.parameters import AT_LEAST_ONE, BETWEEN_0_AND_1, DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 ALPHA = Range(0.01, 100.0, log=True, source="ours: 0.01 to 100 times the alpha of the position")
@@ -51,10 +51,10 @@ class StrongTracking(UnchangedR, Limited):
         "simplified", "doi:10.1080/00207179608921698", "The faded covariance is symmetric; a linear model."
     )
 
-    forgetting: Annotated[float, WITHIN_0_AND_1, FORGETTING, DefaultOrigin("literature: 0.95 in the paper")] = 0.95
+    forgetting: Annotated[float, BETWEEN_0_AND_1, FORGETTING, DefaultOrigin("literature: 0.95 in the paper")] = 0.95
     softening: Annotated[
         float,
-        ONE_OR_MORE,
+        AT_LEAST_ONE,
         Range(1.0, 20.0, log=True, source="ours: from no softening to innovations of four sigma"),
         DefaultOrigin("ours: no softening"),
     ] = 1.0

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import ABOVE_0, FORGETTING, PASSES, WITHIN_0_AND_1
+from jerkbench.adaptation._ranges import ABOVE_0, FORGETTING, PASSES
 from jerkbench.adaptation.common import (
     MeasuredUpdate,
     fill_mixture,
@@ -18,7 +18,7 @@ from jerkbench.adaptation.common import (
 from jerkbench.adaptation.linalg import factorise, fill_inverse_diagonal, solve
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import select
-from jerkbench.parameters import DefaultOrigin, Limit, Limited, Provenance, Range
+from jerkbench.parameters import BETWEEN_0_AND_1, DefaultOrigin, Limit, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -51,7 +51,7 @@ class VariationalBayes(Limited):
 
     provenance = Provenance("published", "doi:10.1109/TAC.2008.2008348")
 
-    forgetting: Annotated[float, WITHIN_0_AND_1, FORGETTING, DefaultOrigin("literature: rho of the source")] = (
+    forgetting: Annotated[float, BETWEEN_0_AND_1, FORGETTING, DefaultOrigin("literature: rho of the source")] = (
         1.0 - math.exp(-4.0)
     )
     start: Annotated[

@@ -5,11 +5,11 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import ONE_OR_MORE, SHRINKING, WINDOW, check_order
+from jerkbench.adaptation._ranges import SHRINKING, WINDOW, check_order
 from jerkbench.adaptation.common import UPDATE_COUNTS, UnchangedR, Windowed, windowed_mean
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import each_run, select
-from jerkbench.parameters import DefaultOrigin, Limit, Provenance, Range
+from jerkbench.parameters import AT_LEAST_ONE, DefaultOrigin, Limit, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -41,7 +41,7 @@ class InnovationBased(Windowed):
         "simplified", "doi:10.1007/s001900050236", "Only the diagonal of R, with the current prior covariance."
     )
 
-    window: Annotated[int, ONE_OR_MORE, WINDOW, DefaultOrigin("ours")] = 10
+    window: Annotated[int, AT_LEAST_ONE, WINDOW, DefaultOrigin("ours")] = 10
     low: Annotated[
         float,
         Limit(lambda low: low > 0, "it must be above 0, because R has to be positive."),
@@ -96,7 +96,7 @@ class AdaptiveQ(UnchangedR, Windowed):
         "simplified", "doi:10.1017/S0373463307004316", "A factor on the prior covariance, not on Q; at least 1."
     )
 
-    window: Annotated[int, ONE_OR_MORE, WINDOW, DefaultOrigin("ours")] = 20
+    window: Annotated[int, AT_LEAST_ONE, WINDOW, DefaultOrigin("ours")] = 20
     low: Annotated[float, DefaultOrigin("ours: the prior covariance is never reduced")] = 1.0
     high: Annotated[
         float,

@@ -18,8 +18,7 @@ from jerkbench.errors import PluginError, RecordingError, require_known
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.progress import Progress
-from jerkbench.parameters import AT_LEAST_ONE, NOT_NEGATIVE, Limited
-from jerkbench.r_scale import RScale
+from jerkbench.parameters import AT_LEAST_ONE, NOT_NEGATIVE, Limited, RScale
 from jerkbench.recording import Recording
 
 FAILED_RUN = math.log(100.0)

@@ -13,8 +13,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.contracts import is_attitude_only
 from jerkbench.errors import PluginError, require_known
 from jerkbench.jobs.job import Job
-from jerkbench.parameters import Range, ranges_of, type_of
-from jerkbench.r_scale import RScale
+from jerkbench.parameters import Range, RScale, ranges_of, type_of
 
 R_RANGE = Range(0.05, 20.0, log=True, source="ours: from a fifth to four times the reported sigma")
 """The range of each factor on the reported R."""

@@ -376,7 +376,7 @@ def fetch_command(arguments: argparse.Namespace) -> None:
     Raises:
         RecordingError: The recording is unknown, or it cannot be downloaded.
     """
-    from jerkbench.fetching import fetch, public_recording, public_recordings
+    from jerkbench.io.fetching import fetch, public_recording, public_recordings
     from jerkbench.io.files import fetched_folder
 
     if arguments.name is None:

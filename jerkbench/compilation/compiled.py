@@ -100,7 +100,7 @@ class Compilation:
             return self._by_numba(folder)
 
     def _by_numba(self, folder: Path | None) -> Any:  # noqa: ANN401 - numba has no types
-        from jerkbench.compilation.inner import set_environments
+        from jerkbench.compilation.vectors import set_environments
 
         entry = _copy(self.function, _Jit(self.key, self.contract, self.in_lanes))
         with _cache_in(folder):
@@ -166,7 +166,7 @@ class _Jit:
         if function in self.started[:-1]:
             raise TypeError(f"{function.__name__} calls a function that calls {function.__name__} again")
         if function not in self.done:
-            from jerkbench.compilation.inner import InnerCompiler
+            from jerkbench.compilation.vectors import InnerCompiler
 
             options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": InnerCompiler}
             options["forceinline"] = not hasattr(function, "not_inlined")

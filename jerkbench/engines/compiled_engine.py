@@ -71,12 +71,7 @@ class CompiledEngine:
         if can_compile():
             compile_ahead(models, clocks)
         compiled = {one: _compiled_rule(one) for one in dict.fromkeys(clocks)}  # compile equal adaptations only once
-        results: list[Streamed | None] = [None] * len(runs)
-        rules = {k: rule for k, one in enumerate(clocks) if (rule := compiled[one]) is not None}
-        batch = [runs[k] for k in rules], [models[k] for k in rules], list(rules.values())
-        for k, result in zip(rules, run_batch(*batch, updates=updates, threads=threads), strict=True):
-            results[k] = result
-        return results
+        return run_batch(runs, models, [compiled[one] for one in clocks], updates=updates, threads=threads)
 
 
 def _compiled_rule(adaptation: Adaptation) -> "Rule | None":

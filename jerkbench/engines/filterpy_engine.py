@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from jerkbench.adapted_updates import Recorder
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import (
     Adaptation,
@@ -19,7 +18,6 @@ from jerkbench.contracts import (
 )
 from jerkbench.errors import require_known
 from jerkbench.estimate import Estimate
-from jerkbench.filters.common import StepModels, initial
 from jerkbench.kalman import (
     ROUNDING,
     gain_and_rest,
@@ -32,10 +30,9 @@ from jerkbench.kalman import (
     squared_distance_by,
     without_measured,
 )
+from jerkbench.numpy_run import Recorder, StepModels, initial
 from jerkbench.plugins import register
 from jerkbench.timeline import Timeline
-
-COVARIANCE_FORMS = ("joseph", "paper")
 
 
 @register("engine", "filterpy")
@@ -62,7 +59,7 @@ class FilterpyEngine:
     covariance: str = "joseph"
 
     def __post_init__(self) -> None:
-        require_known("covariance update", self.covariance, COVARIANCE_FORMS)
+        require_known("covariance update", self.covariance, ("joseph", "paper"))
 
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:
         """Run the filter ``model`` with ``adaptation`` over ``timeline``. The estimate ends if the filter diverges."""

@@ -12,7 +12,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.contracts import Metric, Summarising, has_methods, part_read
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.estimate import ErrorWeights, Estimate, Streamed, Sums
+from jerkbench.estimate import ErrorWeights, Estimate, Streamed, Sums, scored_trajectory
 from jerkbench.evaluation.counted_rows import (
     Rows,
     counted_rows,
@@ -22,7 +22,6 @@ from jerkbench.evaluation.counted_rows import (
     position_error_m,
     rows_at,
 )
-from jerkbench.kinematic.trajectory_score import scored_trajectory
 from jerkbench.recording import Recording
 from jerkbench.timeline import Timeline
 

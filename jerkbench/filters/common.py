@@ -1,63 +1,20 @@
-"""Functions and classes that several linear filters share: step models, initial state, updates, parameter ranges."""
+"""Functions and classes that several linear filters share: models of one axis, updates, parameter ranges."""
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 
 from jerkbench import plugins
-from jerkbench.adapted_updates import AdaptedUpdates
 from jerkbench.arrays import FloatArray
-from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter, clocked
+from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, clocked
 from jerkbench.estimate import Attitude, Estimate, Streamed
 from jerkbench.kalman import updated
+from jerkbench.numpy_run import AdaptedUpdates
 from jerkbench.parameters import DefaultOrigin, Limited, Range
 from jerkbench.recording import Recording
 from jerkbench.timeline import RecordedRun, Run, Timeline, cached_timeline
-
-
-class StepModel(NamedTuple):
-    """The model of one time step for all three axes: Kronecker products of the model of one axis with I3.
-
-    Attributes:
-        F: (n, n) transition matrix, the Kronecker product of A with I3.
-        B: (n, 3) input matrix, the Kronecker product of b with I3.
-        Q: (n, n) process noise, the Kronecker product of the Q of one axis with I3.
-    """
-
-    F: FloatArray
-    B: FloatArray
-    Q: FloatArray
-
-
-class StepModels:
-    """The step models of a filter in a cache, whose key is the length of the step in nanoseconds."""
-
-    def __init__(self, model: Filter, dt0_s: float) -> None:
-        self._model, self._dt0_s = model, dt0_s
-        self._known: dict[int, StepModel] = {}
-
-    def of(self, dt_s: float) -> StepModel:
-        """Return the step model for a step of ``dt_s`` seconds, from the cache if possible."""
-        key = round(dt_s * 1e9)
-        if key not in self._known:
-            A, b, Q = self._model.axis_model(dt_s, self._dt0_s)
-            self._known[key] = StepModel(_of_three_axes(A), _of_three_axes(b[:, None]), _of_three_axes(Q))
-        return self._known[key]
-
-
-def initial(timeline: Timeline, model: Filter) -> tuple[FloatArray, FloatArray]:
-    """Return the initial state x (n,) of the filter ``model`` and its covariance P (n, n) for a timeline."""
-    extra = np.repeat(model.initial_variances(), 3)
-    P = np.diag(np.concatenate([np.zeros(6), extra]))
-    P[:6, :6] = timeline.P0
-    return np.concatenate([timeline.x0, np.zeros(len(extra))]), P
-
-
-def _of_three_axes(matrix: FloatArray) -> FloatArray:
-    return np.asarray(np.kron(matrix, np.eye(3)), dtype=np.float64)
-
 
 # Models of one axis for an array of step lengths, because the steps of an IMU with irregular time stamps differ.
 
@@ -71,6 +28,10 @@ class AxisModels(Limited):
     def axis_models(self, dt: FloatArray, dt0: float) -> Models:
         """Return A (k, n, n), b (k, n) and Q (k, n, n) of one axis for k steps of ``dt`` (k,) seconds."""
         raise NotImplementedError
+
+    def initial_variances(self) -> FloatArray:
+        """Return an empty array (0,), because a filter without a third state has no further variances."""
+        return np.zeros(0)
 
     def axis_model(self, dt: float, dt0: float) -> Models:
         """Return A (n, n), b (n,) and Q (n, n) of one axis for a step of ``dt`` seconds."""
@@ -154,29 +115,30 @@ class CompiledEstimator:
         """
         from jerkbench.kinematic.rules import compiled_rule
 
-        results: list[Streamed | None] = [None] * len(runs)
-        pairs = enumerate(zip(adaptations, runs, strict=True))
-        rules = {k: rule for k, (a, run) in pairs if (rule := compiled_rule(clocked(a, run.timeline))) is not None}
-        functions = [found for k in rules if (found := estimators[k].compiled_functions()) is not None]
-        if not functions or len(functions) < len(rules):
-            return results
-        compiled_runs = [Run(runs[k].timeline, runs[k].scoring) for k in rules]
-        starts = [estimators[k].start(runs[k].timeline) for k in rules]
-        streamed = functions[0][1](compiled_runs, starts, list(rules.values()), updates=updates, threads=threads)
-        for k, result in zip(rules, streamed, strict=True):
-            results[k] = result
-        return results
+        functions = [estimator.compiled_functions() for estimator in estimators]
+        if not runs or functions[0] is None or None in functions:
+            return [None] * len(runs)
+        compiled_runs = [Run(run.timeline, run.scoring) for run in runs]
+        rules = [compiled_rule(clocked(a, run.timeline)) for a, run in zip(adaptations, runs, strict=True)]
+        starts = [one.start(run.timeline) for one, run in zip(estimators, runs, strict=True)]
+        return functions[0][1](compiled_runs, starts, rules, updates=updates, threads=threads)
 
 
 # The names of the adaptations that an estimator supports.
 
-BEYOND_R = (Fading, AdaptingPrior, AdaptingGain)
-"""Protocols of adaptations that change more than R and need the prior covariance of a single linear filter."""
-
 
 def adaptations_of_r() -> tuple[str, ...]:
     """Return the names of all adaptations that change only R, including third-party plugins."""
-    return _adaptations_without(BEYOND_R)
+    return _adaptations_without((Fading, AdaptingPrior, AdaptingGain))
+
+
+class AdaptedR:
+    """Base class of estimators that support all adaptations that change only R."""
+
+    @property
+    def adaptations(self) -> tuple[str, ...]:
+        """Names of the supported adaptations: all adaptations that change only R."""
+        return adaptations_of_r()
 
 
 def adaptations_of_r_or_fading() -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters.common import START, VELOCITY_WALK, MeasurementUpdates, adaptations_of_r
+from jerkbench.filters.common import START, VELOCITY_WALK, AdaptedR, MeasurementUpdates
 from jerkbench.kalman import is_healthy
 from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
@@ -22,7 +22,7 @@ STRAIGHT_RAD = 1e-4
 
 @register("filter", "constant_turn")
 @dataclass(frozen=True)
-class ConstantTurn(Limited):
+class ConstantTurn(Limited, AdaptedR):
     """Seven states [p, v, w]: a horizontal turn at the rate w with a constant vertical velocity, without the IMU.
 
     The following equations define one prediction step, with s = sin(w dt), c = cos(w dt), a = s/w and b = (1 - c)/w::
@@ -62,11 +62,6 @@ class ConstantTurn(Limited):
         DefaultOrigin("ours: a vehicle that changes its turn rate by 3 deg/s within a second"),
     ] = 0.05
     initial_turn_radps: Annotated[float, START, NOT_NEGATIVE] = 0.1
-
-    @property
-    def adaptations(self) -> tuple[str, ...]:
-        """Names of the supported adaptations: all adaptations that change only R."""
-        return adaptations_of_r()
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
         """Return the estimate at the time stamps of the reference, up to a step at which P is not positive definite."""

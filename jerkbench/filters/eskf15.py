@@ -7,26 +7,20 @@ from typing import ClassVar
 
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate, Streamed
-from jerkbench.filters.common import adaptations_of_r
+from jerkbench.filters.common import AdaptedR
 from jerkbench.filters.inertial_parameters import Eskf15Parameters, aided, run_inputs, takes_timeline
-from jerkbench.inertial.run import InertialRun, InertialSolution
+from jerkbench.inertial.run import InertialRun, InertialSolution, smooth_navigation
 from jerkbench.inertial.run_inputs import InertialInputs
-from jerkbench.inertial.smoother import smooth_navigation
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline import RecordedRun, Timeline
 
 
-class InertialFilter(Eskf15Parameters):
+class InertialFilter(Eskf15Parameters, AdaptedR):
     """Base class of the inertial filters that have the parameters of `eskf15` and run in NumPy."""
 
     invariant: ClassVar[bool] = False
-
-    @property
-    def adaptations(self) -> tuple[str, ...]:
-        """Names of the supported adaptations: all adaptations that change only R."""
-        return adaptations_of_r()
 
     def require(self, load: Callable[[], Recording]) -> None:
         """Load the recording and check that it has the wheel speed that ``wheel_scale`` needs.
@@ -118,9 +112,7 @@ class Eskf15(InertialFilter):
     """
 
     provenance = Provenance(
-        "simplified",
-        "Groves, 2nd ed., chapters 5 and 14",
-        "In a tangent plane; the Earth's rotation is optional.",
+        "simplified", "Groves, 2nd ed., chapters 5 and 14", "In a tangent plane; the Earth's rotation is optional."
     )
 
     title: ClassVar[str] = "eskf15"

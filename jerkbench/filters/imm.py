@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from jerkbench.adapted_updates import AdaptedUpdates
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, require_known
@@ -18,15 +17,14 @@ from jerkbench.filters.common import (
     FROM_FILTER,
     JERK_WALK,
     STAYS,
+    AdaptedR,
     CompiledEstimator,
     CompiledFunctions,
-    StepModels,
-    adaptations_of_r,
-    initial,
 )
 from jerkbench.filters.kinematic import Acceleration, Baseline, Bias, Jerk
 from jerkbench.kalman import is_healthy, squared_distance, updated
-from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Limit, Limited, Provenance
+from jerkbench.numpy_run import AdaptedUpdates, StepModels, initial
+from jerkbench.parameters import BETWEEN_0_AND_1, NOT_NEGATIVE, DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline import Timeline, build_timeline
@@ -35,13 +33,12 @@ if TYPE_CHECKING:
     from jerkbench.kinematic.mixture import Mixed  # importing this module takes half a second
 
 _MODELS = ("acceleration", "baseline", "bias", "jerk")
-BETWEEN_0_AND_1 = Limit(lambda p: 0 < p < 1, "it must lie between 0 and 1.")
 TWENTY_UPDATES = DefaultOrigin("ours: a model lasts 20 updates")
 
 
 @register("filter", "imm")
 @dataclass(frozen=True)
-class InteractingMultipleModels(Limited, CompiledEstimator):
+class InteractingMultipleModels(Limited, AdaptedR, CompiledEstimator):
     """Two kinematic filters run in parallel, and each update weights them by the likelihood of the measurement.
 
     A cycle consists of a measurement update and the prediction steps before this update. In the following equations of
@@ -127,11 +124,6 @@ class InteractingMultipleModels(Limited, CompiledEstimator):
             )
 
     @property
-    def adaptations(self) -> tuple[str, ...]:
-        """Names of the supported adaptations: all adaptations that change only R."""
-        return adaptations_of_r()
-
-    @property
     def uses_imu(self) -> bool:
         """True if at least one of the two filters uses the acceleration that the IMU measures."""
         return {self.first, self.second} != {"acceleration"}
@@ -144,12 +136,7 @@ class InteractingMultipleModels(Limited, CompiledEstimator):
 
     def transitions(self) -> FloatArray:
         """Return the matrix Pi (2, 2) of transition probabilities."""
-        return np.array(
-            [
-                [self.first_stays, 1.0 - self.first_stays],
-                [1.0 - self.second_stays, self.second_stays],
-            ]
-        )
+        return np.array([[self.first_stays, 1.0 - self.first_stays], [1.0 - self.second_stays, self.second_stays]])
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
         """Return the combined estimate of both filters at the time stamps of the reference."""
@@ -251,7 +238,9 @@ class Mixture:
         steps = zip(t.dt_s.tolist(), t.sample.tolist(), t.update.tolist(), t.reference.tolist(), strict=True)
         for k, (dt, sample, update, reference) in enumerate(steps):
             if dt > 0:
-                self._predict(dt, t.accel_enu_mps2[sample])
+                u = t.accel_enu_mps2[sample]
+                for j, models in enumerate(self.models):
+                    self.x[j], self.P[j], _ = models.predicted(self.x[j], self.P[j], dt, u)
             if update >= 0:
                 self._update(update)
             if not self.healthy:
@@ -260,11 +249,6 @@ class Mixture:
                 x, P = combined(self.x, self.P, self.weights)
                 recorder.state(reference, x[:6], P[:6, :6])
         return recorder.estimate()
-
-    def _predict(self, dt: float, u: FloatArray) -> None:
-        for j, models in enumerate(self.models):
-            F, B, Q = models.of(dt)
-            self.x[j], self.P[j] = F @ self.x[j] + B @ u, F @ self.P[j] @ F.T + Q
 
     def _update(self, update: int) -> None:
         """Adapt R with the combined prediction, update both filters, and mix them if their covariances are valid."""

@@ -11,7 +11,6 @@ from jerkbench.arrays import FloatArray, Same
 from jerkbench.attitude.yaw import estimate_yaw, required_track
 from jerkbench.errors import PluginError, RecordingError, require_known
 from jerkbench.estimate import Attitude
-from jerkbench.inertial.mechanisation import SensorNoise, earth_at
 from jerkbench.inertial.run_inputs import (
     Constraints,
     Events,
@@ -23,7 +22,7 @@ from jerkbench.inertial.run_inputs import (
     still_samples,
     with_body_velocity,
 )
-from jerkbench.inertial.state import NavigationState
+from jerkbench.inertial.state import NavigationState, SensorNoise, earth_at
 from jerkbench.parameters import DefaultOrigin, Limit, Limited, Range
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Recording
 from jerkbench.timeline import Timeline, build_timeline
@@ -101,22 +100,13 @@ class Eskf15Parameters(Limited):
     """Names of the parameters that the filter does not support."""
 
     angle_random_walk_deg_per_sqrt_h: Annotated[
-        float,
-        POSITIVE_SIGMA,
-        Range(0.01, 60.0, log=True, source=_GRADES),
-        OF_FIELD,
+        float, POSITIVE_SIGMA, Range(0.01, 60.0, log=True, source=_GRADES), OF_FIELD
     ] = 0.6
     velocity_random_walk_mps_per_sqrt_h: Annotated[
-        float,
-        POSITIVE_SIGMA,
-        Range(0.005, 20.0, log=True, source=_GRADES),
-        OF_FIELD,
+        float, POSITIVE_SIGMA, Range(0.005, 20.0, log=True, source=_GRADES), OF_FIELD
     ] = 0.12
     gyro_instability_deg_per_h: Annotated[
-        float,
-        MAY_BE_OFF,
-        Range(0.1, 500.0, log=True, source=_GRADES),
-        INDUSTRIAL,
+        float, MAY_BE_OFF, Range(0.1, 500.0, log=True, source=_GRADES), INDUSTRIAL
     ] = 5.0
     gyro_correlation_s: Annotated[float, MORE_THAN_0, DefaultOrigin("ours: long against an outage")] = 1000.0
     accel_instability_mg: Annotated[float, MAY_BE_OFF, Range(0.005, 10.0, log=True, source=_GRADES), INDUSTRIAL] = 0.1

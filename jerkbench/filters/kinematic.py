@@ -62,10 +62,6 @@ class Baseline(AxisModels):
         b = np.stack([0.5 * dt**2, dt], axis=1)
         return A, b, outer(self.accel_mps2**2 * (dt0 / dt), b)
 
-    def initial_variances(self) -> FloatArray:
-        """Return an empty array (0,), because the filter has no third state."""
-        return np.zeros(0)
-
 
 @register("filter", "bias")
 @dataclass(frozen=True)
@@ -273,9 +269,7 @@ class OptimisedKalmanFilter(AxisModels):
     """
 
     provenance = Provenance(
-        "simplified",
-        "doi:10.48550/arXiv.2310.00675",
-        "One Q for all axes, R as reported times a factor, no gradients.",
+        "simplified", "doi:10.48550/arXiv.2310.00675", "One Q for all axes, R as reported times a factor, no gradients."
     )
 
     position_walk_m_per_sqrt_s: Annotated[
@@ -302,7 +296,3 @@ class OptimisedKalmanFilter(AxisModels):
         b = np.stack([0.5 * dt**2, dt], axis=1)
         Q = np.array([[q_p**2, rho * q_p * q_v], [rho * q_p * q_v, q_v**2]])
         return A, b, dt[:, None, None] * Q
-
-    def initial_variances(self) -> FloatArray:
-        """Return an empty array (0,), because the filter has no third state."""
-        return np.zeros(0)

@@ -20,13 +20,12 @@ from jerkbench.filters.common import (
     CompiledEstimator,
     CompiledFunctions,
     MeasurementUpdates,
-    StepModels,
     adaptations_of_r_or_fading,
-    initial,
 )
 from jerkbench.filters.constant_turn import TURN_WALK, ConstantTurn
 from jerkbench.filters.kinematic import Acceleration, Baseline, Bias, ConstantVelocity, Jerk
 from jerkbench.kalman import is_healthy
+from jerkbench.numpy_run import StepModels, initial
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -232,13 +231,7 @@ def _start(timeline: Timeline, model: Filter | ConstantTurn) -> tuple[FloatArray
     """Return the initial x and P of the filter, and the function that predicts one time step."""
     if isinstance(model, ConstantTurn):
         return *model.start(timeline), lambda x, P, dt, _: model.predicted(x, P, dt)
-    models = StepModels(model, timeline.dt0_s)
-
-    def predicted(x: FloatArray, P: FloatArray, dt: float, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        F, B, Q = models.of(dt)
-        return F @ x + B @ u, F @ P @ F.T + Q, F
-
-    return *initial(timeline, model), predicted
+    return *initial(timeline, model), StepModels(model, timeline.dt0_s).predicted
 
 
 def _forward(timeline: Timeline, model: Filter | ConstantTurn, update: MeasurementUpdates) -> tuple[ForwardPass, str]:

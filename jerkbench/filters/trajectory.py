@@ -7,14 +7,14 @@ import shlex
 import shutil
 import signal
 import subprocess
+import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from dataclasses import replace as replaced
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import IO, ClassVar, NoReturn
+from typing import IO, ClassVar
 
 import numpy as np
 
@@ -81,10 +81,7 @@ class TrajectoryFile(TrajectoryForm):
         """True if each seed has a separate file."""
         return SEED in self.file
 
-    @property
-    def random(self) -> bool:
-        """True if each seed is a separate run, although the recording is the same for all seeds."""
-        return self.for_each_seed
+    random = for_each_seed  # each seed is a separate run, although the recording is the same for all seeds
 
     def of_seed(self, seed: int) -> "TrajectoryFile":
         """Return a copy of this filter that reads the file of the seed ``seed``."""
@@ -187,7 +184,9 @@ def split_command(command: str, values: Mapping[str, str]) -> list[str]:
         raise RecordingError(f"The command {command} cannot be split into arguments: {error}.") from error
     if not arguments:
         raise RecordingError("The command is empty; give filter.command='./my_filter {recording} {out}'.")
-    return [_replaced(argument, values) for argument in arguments]
+    for name, value in values.items():
+        arguments = [argument.replace(f"{{{name}}}", value) for argument in arguments]
+    return arguments
 
 
 def program_files(command: str) -> list[Path]:
@@ -271,15 +270,11 @@ def _sigterm_raises() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
         yield
         return
-    signal.signal(signal.SIGTERM, _exit_on_signal)
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     try:
         yield
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
-
-
-def _exit_on_signal(number: int, _: object) -> NoReturn:
-    raise SystemExit(128 + number)
 
 
 def _kill(process: "subprocess.Popen[bytes]") -> None:
@@ -304,12 +299,6 @@ def _last_errors(stderr: Path) -> str:
         text = file.read().decode("utf-8", errors="replace")
     lines = [line.strip() for line in text.splitlines() if line.strip()][-STDERR_LINES:]
     return f" Standard error: {' | '.join(lines)[-MAX_CHARACTERS:]}" if lines else ""
-
-
-def _replaced(argument: str, values: Mapping[str, str]) -> str:
-    for name, value in values.items():
-        argument = argument.replace(f"{{{name}}}", value)
-    return argument
 
 
 # The filter `command`.
@@ -389,7 +378,7 @@ class Command(TrajectoryForm):
 
     def of_seed(self, seed: int) -> "Command":
         """Return a copy of this filter whose placeholder {seed} has the value ``seed``."""
-        return replaced(self, seed=seed)
+        return replace(self, seed=seed)
 
     def fingerprint(self) -> str:
         """Return a SHA-256 digest of the program and of all existing files among the arguments of the command.
@@ -429,12 +418,9 @@ class Command(TrajectoryForm):
 
     def _run(self, recording: Recording, folder: Path) -> Estimate:
         out = folder / self.out
-        run_program(self._arguments(folder, out), folder, self.time_limit_s)
+        values = {"recording": folder / FORMATS[self.formats[0]], "folder": folder, "out": out, "seed": self.seed}
+        arguments = split_command(self.command, {name: str(value) for name, value in values.items()})
+        run_program(arguments, folder, self.time_limit_s)
         if not out.is_file():
             raise RecordingError(f"The program {self.command} exited with code 0 but did not write {self.out}.")
         return self._read(out, recording)
-
-    def _arguments(self, folder: Path, out: Path) -> list[str]:
-        recording = folder / FORMATS[self.formats[0]]
-        values = {"recording": recording, "folder": folder, "out": out, "seed": self.seed}
-        return split_command(self.command, {name: str(value) for name, value in values.items()})

@@ -14,7 +14,19 @@ from jerkbench.filters.eskf15 import InertialFilter
 from jerkbench.geometry import wrap_angle
 from jerkbench.inertial.run import InertialRun
 from jerkbench.inertial.run_inputs import Events, InertialInputs
-from jerkbench.inertial.state import BA, BG, GYRO, PHI, STATES, NavigationState, P, V, added, rotation_exp
+from jerkbench.inertial.state import (
+    BA,
+    BG,
+    GYRO,
+    PHI,
+    STATES,
+    NavigationState,
+    P,
+    V,
+    added,
+    process_noise,
+    rotation_exp,
+)
 from jerkbench.inertial.update import heading, velocity_in_body
 from jerkbench.notices import notify
 from jerkbench.parameters import DefaultOrigin, Limit, Provenance, Range
@@ -101,7 +113,7 @@ def step_all(
 ) -> tuple[NavigationState, FloatArray]:
     """Propagate the nominal state and all sigma points over one time step.
 
-    The equations are the same as in `jerkbench.inertial.mechanisation.advance_navigation` in a tangent plane::
+    The equations are the same as in `jerkbench.inertial.state.advance_navigation` in a tangent plane::
 
         C+ = C Exp(w dt);  v+ = v + ((C + C+)/2 f + g) dt;  p+ = p + (v + v+)/2 dt
 
@@ -170,9 +182,11 @@ class UnscentedRun(InertialRun):
     def _step(self, dt_s: float, sample: int) -> None:
         self.sample = sample
         if dt_s > 0.0:
-            self.ukf.x, self.ukf.P, self.ukf.Q = np.zeros(STATES), self.P, self._process_noise(dt_s)
+            self.ukf.x, self.ukf.P = np.zeros(STATES), self.P
+            self.ukf.Q = process_noise(self.settings.noise, dt_s)
             self.ukf.predict(dt=dt_s)
-            self._absorb()
+            self.state = added(self.state, self.ukf.x)  # the mean error of a prediction, which is of second order
+            self.P = 0.5 * (self.ukf.P + self.ukf.P.T)
         self.rate = self.imu.gyro_radps[sample] - self.state.gyro_bias_radps
 
     def _move_sigmas(self, dt: float, fx: None = None) -> None:
@@ -181,11 +195,6 @@ class UnscentedRun(InertialRun):
         sigmas = self.points.sigma_points(self.ukf.x, self.ukf.P)
         sensed = self.imu.accel_mps2[self.sample], self.imu.gyro_radps[self.sample]
         self.state, self.ukf.sigmas_f = step_all(self.state, sigmas, *sensed, dt)
-
-    def _absorb(self) -> None:
-        """Apply the mean error of a prediction, which is of second order, to the nominal state."""
-        self.state = added(self.state, self.ukf.x)
-        self.P = 0.5 * (self.ukf.P + self.ukf.P.T)
 
     def _recentre(self) -> None:
         """Apply the mean error of an update to the nominal state, and compute the covariance about the new state."""
@@ -242,10 +251,9 @@ class UnscentedRun(InertialRun):
     def _constrain(self, sample: int) -> None:
         """Apply a zero-velocity update if the vehicle is stationary, otherwise the non-holonomic constraint."""
         limits = self.settings.constraints
-        slow = np.linalg.norm(self.state.velocity_mps) < limits.still_below_mps
-        if limits.still[sample] and slow:
-            sigma = limits.still_sigma_mps
-            self._take_unadapted(np.zeros(3), sigma**2 * np.eye(3), lambda dx: self.state.velocity_mps + dx[V])
+        if limits.still[sample] and np.linalg.norm(self.state.velocity_mps) < limits.still_below_mps:
+            R = limits.still_sigma_mps**2 * np.eye(3)
+            self._take_unadapted(np.zeros(3), R, lambda dx: self.state.velocity_mps + dx[V])
         elif limits.sideways_sigma_mps > 0:
             self._take_unadapted(np.zeros(2), limits.sideways_sigma_mps**2 * np.eye(2), self._sideways)
 

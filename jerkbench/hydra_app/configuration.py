@@ -21,8 +21,8 @@ from jerkbench.errors import PluginError, require_known
 from jerkbench.files import require_small
 from jerkbench.jobs.executors import Cluster, Dask, JobQueue, Local
 from jerkbench.jobs.job import Job, Noise, Protocol, build
+from jerkbench.parameters import RScale
 from jerkbench.presets import as_experiment, config_folder, environment_variable, main_files, preset, require_harmless
-from jerkbench.r_scale import RScale
 from jerkbench.renamed import RENAMED, new_name
 from jerkbench.report import Choice, figures_choice
 from jerkbench.report.labels import GROUPS, labels_of

@@ -9,8 +9,8 @@ consists of five vectors with three components each, and its attitude error phi 
 All quantities are in SI units. The package contains these modules::
 
     run_inputs             the inputs of a run: events, settings and initial state
-    run                    the reference implementation in NumPy, based on state, mechanisation and update
-    compiled_runs          compiled runs, called from Python: one run with its trajectory, or a batch of runs
-    kernel                 the compiled loop, based on strapdown (propagation) and aiding (updates)
-    smoother               the Rauch-Tung-Striebel smoother, in NumPy
+    state                  the nominal state, its propagation, and the propagation of the error state
+    update                 measurement functions and the correction
+    run                    the reference implementation of the filter and of the smoother in NumPy
+    compiled_runs          compiled runs, based on strapdown (propagation) and aiding (updates)
 """

@@ -28,8 +28,8 @@ from jerkbench.inertial.state import (
     WHEEL_SCALE,
 )
 from jerkbench.inertial.strapdown import congruence, fill_from_factors, fill_rotation_exp, multiply, multiply_transposed
-from jerkbench.kinematic.arguments import Runs
-from jerkbench.kinematic.correction import correct
+from jerkbench.kinematic.arguments import Runs, copy_matrix
+from jerkbench.kinematic.update import correct
 from jerkbench.recording import GRAVITY_MPS2
 
 
@@ -213,8 +213,7 @@ def feed_back(run: Runs, invariant: bool) -> None:
     """
     for i in range(3):
         run.gyro_bias[i] += run.x[GYRO + i]
-        for j in range(3):
-            run.C_before[i, j] = run.C[i, j]
+    copy_matrix(run.C, run.C_before)
     _correct_attitude(run)
     if len(run.x) > STATES:
         run.wheel_scale[0] += run.x[WHEEL_SCALE]

@@ -7,8 +7,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Attitude
 from jerkbench.geometry import dcm_from_euler, roll_pitch
-from jerkbench.inertial.mechanisation import Earth, SensorNoise
-from jerkbench.inertial.state import BA, BG, PHI, STATES, WHEEL_SCALE, NavigationState, V, skew
+from jerkbench.inertial.state import BA, BG, PHI, STATES, WHEEL_SCALE, Earth, NavigationState, SensorNoise, V, skew
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Recording
 from jerkbench.timeline import Timeline, merged_times, nanoseconds
 

@@ -1,6 +1,6 @@
 """Compiled propagation of the nominal states and the covariances of a batch of runs over a time step.
 
-The equations are documented in `jerkbench.inertial.mechanisation`.
+The equations are documented in `jerkbench.inertial.state`.
 """
 
 import math
@@ -10,7 +10,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.compilation.compiled import not_inlined
 from jerkbench.compilation.vectors import anywhere, each_run
 from jerkbench.inertial.state import ACCEL, ATTITUDE, GYRO, POSITION, VELOCITY
-from jerkbench.kinematic.arguments import Runs
+from jerkbench.kinematic.arguments import Runs, copy_matrix
 from jerkbench.recording import GRAVITY_MPS2
 
 # Rotation matrices.
@@ -88,15 +88,13 @@ def mechanise(run: Runs, earth: FloatArray, rotates: bool, dt: float) -> None:
     multiply(run.C, run.rotation, run.C_next)
     if rotates:
         fill_rotation_exp(run, -dt * earth[0], -dt * earth[1], -dt * earth[2])
-        for i in range(3):
-            for j in range(3):
-                run.C_before[i, j] = run.C_next[i, j]
+        copy_matrix(run.C_next, run.C_before)
         multiply(run.rotation, run.C_before, run.C_next)
     mean, force = run.dt_C, run.dt_force
     for i in range(3):
         for j in range(3):
             mean[i, j] = 0.5 * (run.C[i, j] + run.C_next[i, j])
-            run.C[i, j] = run.C_next[i, j]
+    copy_matrix(run.C_next, run.C)
     for i in range(3):
         force[i] = mean[i, 0] * run.force[0] + mean[i, 1] * run.force[1] + mean[i, 2] * run.force[2]
     _integrate(run, force, earth, rotates, dt)
@@ -187,7 +185,7 @@ transform_by_transition = congruence(_propagate_error, POSITION, GYRO)
 
 
 def propagate(run: Runs, noise: FloatArray, dt: float) -> None:
-    """Propagate the covariances over a time step: Phi P Phi' + Q (`jerkbench.inertial.mechanisation.process_noise`)."""
+    """Propagate the covariances over a time step: Phi P Phi' + Q (`jerkbench.inertial.state.process_noise`)."""
     transform_by_transition(run, dt)
     for i in range(3):
         p, v, phi, gyro, accel = POSITION + i, VELOCITY + i, ATTITUDE + i, GYRO + i, ACCEL + i

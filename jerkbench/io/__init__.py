@@ -7,6 +7,6 @@ spellings of common loggers, `tracks` reads formats of receivers, and `readers` 
 Bags: `bag` reads messages and describes topics, `bag_topics` contains the roles of topics and drops or repairs damaged
 messages, and `bag_dataset` creates the recording. `bag_writing` writes bags.
 
-`files` finds and reads files, and `sanitiser` contains the checks of all readers. `trajectory` reads trajectories, and
-`writing` exports recordings.
+`fetching` downloads public recordings. `files` finds and reads files, and `sanitiser` contains the checks of all
+readers. `trajectory` reads trajectories, and `writing` exports recordings.
 """

@@ -17,9 +17,8 @@ from jerkbench.files import Distrusted, cache_folder, forget_oldest, read_truste
 from jerkbench.jobs.job import Scenario
 from jerkbench.jobs.key import code_digest, plugin_digest, require_data, versions
 from jerkbench.notices import notify
-from jerkbench.r_scale import with_r_scale
 from jerkbench.recording import Recording
-from jerkbench.timeline import build_timeline
+from jerkbench.timeline import build_timeline, with_r_scale
 
 # Simulated recordings are stored in the cache folder of the user, so that later sweeps do not simulate them again.
 

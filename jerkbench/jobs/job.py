@@ -24,9 +24,8 @@ from jerkbench.evaluation.evaluated_run import LIMIT_M
 from jerkbench.jobs.key import data_fingerprint, key_of
 from jerkbench.notices import notify
 from jerkbench.notices import plain as plain_text
-from jerkbench.parameters import NOT_NEGATIVE, Limit, Limited
+from jerkbench.parameters import NOT_NEGATIVE, Limit, Limited, RScale, scale_of
 from jerkbench.plugins import missing_member
-from jerkbench.r_scale import RScale, scale_of
 from jerkbench.report.labels import GROUPS, Labels, default_labels
 
 WITHOUT_SEEDS = ("one_recording",)

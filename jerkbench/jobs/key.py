@@ -22,8 +22,8 @@ KEY_LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hy
 COMPUTING = (
     *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines"),
     *("filters", "inertial", "io", "kinematic", "recording", "simulation", "timeline"),
-    *("contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman", "adapted_updates", "r_scale"),
-    *("random_streams", "renamed", "campaign/split"),
+    *("contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman", "numpy_run"),
+    *("parameters", "random_streams", "renamed", "campaign/split"),
     *("jobs/inputs", "jobs/job", "jobs/rows", "report/labels"),
     *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "correlated_errors")),
 )

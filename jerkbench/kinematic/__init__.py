@@ -8,10 +8,8 @@ The package contains these modules::
     runs                     starts the runs from Python and returns their results
     packs, arguments         runs and filters as arrays, and the types of these arrays
     rules                    adaptations as compiled functions that have the same signature
-    loop                     the loop over the steps: prediction, adaptation, update, scoring
-    prediction, correction   the equations of the prediction and of the correction
-    update                   innovation, call of the adaptation, and correction
+    loop                     the prediction, and the loop over the steps: prediction, adaptation, update, scoring
+    update                   innovation, call of the adaptation, and the equations of the correction
     scoring                  errors against the reference, summed during a run
-    trajectory_score         the same sums, computed from a trajectory
     mixture, smoother        the mixture of two filters (`imm`), and the smoother (`rts`)
 """

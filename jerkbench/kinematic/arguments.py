@@ -238,6 +238,13 @@ def read_matrix(stream: FloatArray, row: int, into: FloatArray) -> None:
                 into[a, b] = vectors[row, a, b]
 
 
+def copy_matrix(given: FloatArray, into: FloatArray) -> None:
+    """Copy a square matrix of vectors."""
+    for a in range(len(into)):
+        for b in range(len(into)):
+            into[a, b] = given[a, b]
+
+
 # Signatures of the compiled functions.
 
 Called = Callable[..., None]
@@ -265,5 +272,5 @@ def loop_type(of: np.dtype[Any], model: Any) -> Any:  # noqa: ANN401 - numba has
     from numba import from_dtype, types
 
     arrays = [numba_type(kind) for kind in (Steps, Scoring, model, Rules)]
-    axis, called = types.UniTuple(types.int64, of["A"].shape[0]), types.FunctionType(called_type())
-    return types.void(axis, *arrays, called, called, numba_type(Output), from_dtype(of))
+    called = types.FunctionType(called_type())
+    return types.void(*arrays, called, called, numba_type(Output), from_dtype(of))

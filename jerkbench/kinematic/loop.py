@@ -1,26 +1,113 @@
-"""The compiled loop of kinematic filters, which processes the time steps of eight runs."""
+"""The compiled prediction, and the loop of kinematic filters over the time steps of eight runs.
+
+The transition matrix F is the Kronecker product of A with I3, so the same product with A is computed for each axis of x
+and for each pair of axes of P.
+"""
 
 from functools import cache
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.compiled import Compilation
+from jerkbench.compilation.compiled import Compilation, not_inlined
 from jerkbench.compilation.vectors import anywhere, in_lanes, select
-from jerkbench.kinematic.arguments import Called, Model, Output, Rules, Runs, Scoring, Steps, loop_type, record_layout
-from jerkbench.kinematic.prediction import Axis, compose, predict_covariance, predict_state, read_step
+from jerkbench.kinematic.arguments import (
+    Called,
+    Model,
+    Output,
+    Rules,
+    Runs,
+    Scoring,
+    Steps,
+    copy_matrix,
+    loop_type,
+    read,
+    read_matrix,
+    record_layout,
+)
 from jerkbench.kinematic.scoring import give, note_update
 from jerkbench.kinematic.update import fill_innovation, rows_used, update
 
 
+def predict_state(x: FloatArray, A: FloatArray, b: FloatArray, u: FloatArray, old: FloatArray) -> None:
+    """Compute x = A x + b u for each of the three axes, where ``old`` is a buffer."""
+    for i in range(3):
+        for a in range(len(A)):
+            old[a] = x[3 * a + i]
+        for a in range(len(A)):
+            moved = b[a] * u[i]
+            for c in range(len(A)):
+                moved += A[a, c] * old[c]
+            x[3 * a + i] = moved
+
+
+@not_inlined
+def predict_covariance(P: FloatArray, A: FloatArray, Q: FloatArray, AP: FloatArray) -> None:
+    """Compute the predicted covariance P = F P F' + Q (x) I3, where ``AP`` is a buffer."""
+    for i in range(3):
+        for j in range(i, 3):
+            _predict_pair(P, A, Q, AP, i, j)
+
+
+def _predict_pair(P: FloatArray, A: FloatArray, Q: FloatArray, AP: FloatArray, i: int, j: int) -> None:
+    """Predict the covariance between axis i and axis j, and the transposed block."""
+    n = len(A)
+    for a in range(n):
+        for c in range(n):
+            product = A[a, 0] * P[i, 3 * c + j]
+            for d in range(1, n):
+                product += A[a, d] * P[3 * d + i, 3 * c + j]
+            AP[a, c] = product
+    for a in range(n):
+        for c in range(a if i == j else 0, n):
+            product = AP[a, 0] * A[c, 0]
+            for d in range(1, n):
+                product += AP[a, d] * A[c, d]
+            if i == j:
+                product += Q[a, c]
+            P[3 * a + i, 3 * c + j] = P[3 * c + j, 3 * a + i] = product
+
+
+def read_step(run: Runs, steps: Steps, model: Model, k: int) -> None:
+    """Copy the values of step ``k`` to ``run``: the filter input u, and A, b and Q of the model."""
+    length = steps.model[k]
+    read(steps.u, steps.sample[k], run.u)
+    read_matrix(model.A, length, run.A_step)
+    read(model.b, length, run.b_step)
+    read_matrix(model.Q, length, run.Q_step)
+
+
+@not_inlined
+def predict(run: Runs, x: FloatArray, P: FloatArray, steps: Steps, model: Model, k: int) -> None:
+    """Predict the state x and its covariance P over step ``k``."""
+    read_step(run, steps, model, k)
+    predict_state(x, run.A_step, run.b_step, run.u, run.e)
+    predict_covariance(P, run.A_step, run.Q_step, run.square)
+
+
+def compose(run: Runs) -> None:
+    """Add a step to the transition and process noise since the last update: A_step A and A_step Q A_step' + Q_step."""
+    A, Q, A_step, AA, AQ, n = run.A_total, run.Q_total, run.A_step, run.square, run.M, len(run.A_total)
+    for a in range(n):
+        for b in range(n):
+            moved, noise = A_step[a, 0] * A[0, b], A_step[a, 0] * Q[0, b]
+            for c in range(1, n):
+                moved += A_step[a, c] * A[c, b]
+                noise += A_step[a, c] * Q[c, b]
+            AA[a, b], AQ[a, b] = moved, noise
+    for a in range(n):
+        for b in range(a, n):
+            noise = run.Q_step[a, b]
+            for c in range(n):
+                noise += AQ[a, c] * A_step[b, c]
+            Q[a, b] = Q[b, a] = noise
+        for b in range(n):
+            A[a, b] = AA[a, b]
+
+
+# The loop over the steps.
+
+
 def run_steps(
-    axis: Axis,
-    steps: Steps,
-    scored: Scoring,
-    model: Model,
-    rules: Rules,
-    adapt: Called,
-    gain: Called,
-    output: Output,
-    state: Runs,
+    steps: Steps, scored: Scoring, model: Model, rules: Rules, adapt: Called, gain: Called, output: Output, state: Runs
 ) -> None:
     """Process all time steps of eight runs. The loop ends early if all runs have stopped.
 
@@ -29,7 +116,6 @@ def run_steps(
     (``shown``) is predicted to this time. Therefore the results of a run do not depend on the requested metrics.
 
     Args:
-        axis: tuple whose length is the number of states per axis. The values in the tuple have no meaning.
         steps: time steps and measurements of the runs.
         scored: true values and weights for the error sums.
         model: transition matrices and process noise of the filters.
@@ -43,21 +129,21 @@ def run_steps(
     for k in range(len(steps.model)):
         if steps.model[k] >= 0:
             read_step(run, steps, model, k)
-            predict_state(run.x, run.A_step, run.b_step, run.u, run.e, axis)
-            compose(run, axis)
+            predict_state(run.x, run.A_step, run.b_step, run.u, run.e)
+            compose(run)
         which, reference = steps.update[k], steps.reference[k]
         if which >= 0:
             fill_innovation(run, steps.z, which)
             _take_due(run)
-            predict_covariance(run.P, run.A, run.Q, run.square, axis)
+            predict_covariance(run.P, run.A, run.Q, run.square)
             update(run, steps, rules, adapt, gain, which)
             note_update(run, scored.counts, output, which)
             if all_stopped(run, k):
                 return
         if reference >= 0:
             if len(output.states) > 0 or scored.consistency:
-                _copy(run.P, run.shown)
-                predict_covariance(run.shown, run.A_total, run.Q_total, run.square, axis)
+                copy_matrix(run.P, run.shown)
+                predict_covariance(run.shown, run.A_total, run.Q_total, run.square)
             give(run, run.shown, scored, output, reference)
 
 
@@ -66,12 +152,6 @@ def all_stopped(run: Runs, k: int) -> bool:
     stopped = select(run.stopped[0], 0.0, 1.0, 0.0)
     run.ended[0] = select(stopped * (-0.5 - run.ended[0]), 0.0, float(k), run.ended[0])
     return not anywhere(1.0 - stopped)
-
-
-def _copy(given: FloatArray, into: FloatArray) -> None:
-    for a in range(len(given)):
-        for b in range(len(given)):
-            into[a, b] = given[a, b]
 
 
 def _take_due(run: Runs) -> None:

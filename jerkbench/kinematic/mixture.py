@@ -24,14 +24,21 @@ from jerkbench.kinematic.arguments import (
     read,
     record_layout,
 )
-from jerkbench.kinematic.correction import check_definite, correct, find_nis
-from jerkbench.kinematic.loop import all_stopped
+from jerkbench.kinematic.loop import all_stopped, predict
 from jerkbench.kinematic.packs import Pack
-from jerkbench.kinematic.prediction import Axis, predict
 from jerkbench.kinematic.rules import Rule
 from jerkbench.kinematic.runs import Prepared, run_packs, run_trajectory
 from jerkbench.kinematic.scoring import give, note_update
-from jerkbench.kinematic.update import adapt_R, expect, fill_innovation, note_used, rows_used
+from jerkbench.kinematic.update import (
+    adapt_R,
+    check_definite,
+    correct,
+    expect,
+    fill_innovation,
+    find_nis,
+    note_used,
+    rows_used,
+)
 from jerkbench.timeline import Run, Timeline
 
 
@@ -44,7 +51,6 @@ def _layout(n: int) -> np.dtype[Any]:
 
 
 def run_mixture(
-    axis: Axis,
     steps: Steps,
     scored: Scoring,
     models: tuple[Model, Model],
@@ -61,8 +67,8 @@ def run_mixture(
     run = in_lanes(state)
     for k in range(len(steps.model)):
         if steps.model[k] >= 0:
-            predict(run, run.x0, run.P0, steps, models[0], k, axis)
-            predict(run, run.x1, run.P1, steps, models[1], k, axis)
+            predict(run, run.x0, run.P0, steps, models[0], k)
+            predict(run, run.x1, run.P1, steps, models[1], k)
         which = steps.update[k]
         if which >= 0:
             combine(run)
@@ -174,7 +180,7 @@ def mix_single(timeline: Timeline, start: Mixed, rule: Rule) -> Estimate | None:
 
 
 def mix_many(
-    runs: Sequence[Run], starts: Sequence[Mixed], rules: Sequence[Rule], *, updates: bool, threads: int
+    runs: Sequence[Run], starts: Sequence[Mixed], rules: Sequence[Rule | None], *, updates: bool, threads: int
 ) -> list[Streamed | None]:
     """Return the error sums of each IMM run of a batch, or None for a run that the caller must repeat alone."""
     states = [x.shape[1] for _, x, *_ in starts]

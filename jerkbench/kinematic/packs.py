@@ -92,12 +92,16 @@ element is true if the adaptation receives the true covariance as R.
 """
 
 
-def pack_runs(runs: Sequence[Run], kinds: Sequence[Kind]) -> list[Pack]:
-    """Return packs of runs that have the same kind, time steps, reference time stamps and error weights."""
+def pack_runs(runs: Sequence[Run], kinds: Sequence[Kind | None]) -> list[Pack]:
+    """Return packs of runs that have the same kind, time steps, reference time stamps and error weights.
+
+    A run whose kind is None is not in any pack.
+    """
     groups: dict[tuple[Kind, _Grid], list[int]] = {}
     lanes = [_Lane(run) for run in runs]
     for index, (lane, kind) in enumerate(zip(lanes, kinds, strict=True)):
-        groups.setdefault((kind, _grid(lane)), []).append(index)
+        if kind is not None:
+            groups.setdefault((kind, _grid(lane)), []).append(index)
     return [
         _pack(lanes, members, wants_truth=kind[1])
         for (kind, _), indices in groups.items()

@@ -33,6 +33,7 @@ from jerkbench.contracts import (
     wants_truth,
 )
 from jerkbench.files import write_text
+from jerkbench.kalman import submatrix
 from jerkbench.kinematic.arguments import Rules, called_type
 from jerkbench.notices import notify
 
@@ -62,17 +63,17 @@ def adapt_runs(
     x, P, A, Q, y, R, adapted = arrays
     m = len(rows)
     if fade is not None:
-        factor = fade(fields, _rows_of(y, rows), _block_of(P, rows), _block_of(R, rows), rows, memory)
+        factor = fade(fields, _rows_of(y, rows), submatrix(P, rows), submatrix(R, rows), rows, memory)
         for s in range(len(P)):
             for t in range(len(P)):
                 P[s, t] *= select(selected, 0.0, factor, 1.0)
     if prior is not None:
         F, noise = _three_axes(A), _three_axes(Q)
-        prior_P = prior(fields, x.copy(), P.copy(), F, noise, _rows_of(y, rows), _block_of(R, rows), rows, memory)
+        prior_P = prior(fields, x.copy(), P.copy(), F, noise, _rows_of(y, rows), submatrix(R, rows), rows, memory)
         for s in range(len(P)):
             for t in range(s + 1):
                 P[s, t] = P[t, s] = select(selected, 0.0, 0.5 * (prior_P[s, t] + prior_P[t, s]), P[s, t])
-    R_adapted = adapt(fields, _rows_of(y, rows), _block_of(P, rows), _block_of(R, rows), rows, memory)
+    R_adapted = adapt(fields, _rows_of(y, rows), submatrix(P, rows), submatrix(R, rows), rows, memory)
     if R_adapted.shape != (m, m):
         return False
     for i in range(m):
@@ -95,7 +96,7 @@ def gain_runs(
     The tuple ``arrays`` contains x, P, A, Q, y, R and ``found``.
     """
     x, P, _, _, y, R, found = arrays
-    K = gain(fields, x.copy(), P.copy(), _rows_of(y, rows), _block_of(R, rows), rows, memory)
+    K = gain(fields, x.copy(), P.copy(), _rows_of(y, rows), submatrix(R, rows), rows, memory)
     if K.shape != (len(x), len(rows)):
         return False
     for i in range(len(rows)):
@@ -109,14 +110,6 @@ def _rows_of(y: FloatArray, rows: IntArray) -> FloatArray:
     for i in range(len(rows)):
         found[i] = y[rows[i]]
     return found
-
-
-def _block_of(P: FloatArray, rows: IntArray) -> FloatArray:
-    block = np.empty((len(rows), len(rows)), P.dtype)
-    for i in range(len(rows)):
-        for j in range(len(rows)):
-            block[i, j] = P[rows[i], rows[j]]
-    return block
 
 
 def _three_axes(A: FloatArray) -> FloatArray:
@@ -292,12 +285,15 @@ class Rule:
         """Pairs (attribute name, number), one for each number in the attributes of the plugin."""
         return [(name, number) for name, value in _attributes(self.adaptation) for number in _numbers(value)]
 
-    @cached_property
-    def group(self) -> tuple[object, ...]:
-        """A key that is equal for all rules whose runs can be processed in the same batch."""
+    def group(self, states: int) -> tuple[object, ...]:
+        """Return a key that is equal for all rules whose runs can be processed in the same batch.
+
+        The argument ``states`` is the number of states of the filter.
+        """
         varying = getattr(type(self.adaptation), "varying", ())
         equal = [value for name, value in self.numbers if not isinstance(value, float) and name not in varying]
-        return self.kind, self.in_lanes, wants_truth(self.adaptation), *(equal if self.in_lanes else ())
+        further = equal if self.in_lanes else [memory_size(self.adaptation, states)]
+        return self.kind, self.in_lanes, wants_truth(self.adaptation), *further
 
     def functions(self) -> tuple[Any, Any]:
         """Return the compiled function of the adaptation and the compiled function of its gain.
@@ -308,10 +304,7 @@ class Rule:
         return adapt.result(), gain.result()
 
 
-IN_PYTHON = "estimators with {} run in plain Python"
-
-
-def compiled_rule(adaptation: Adaptation, otherwise: str = IN_PYTHON) -> Rule | None:
+def compiled_rule(adaptation: Adaptation, otherwise: str = "estimators with {} run in plain Python") -> Rule | None:
     """Return the compiled adaptation. If numba cannot compile the adaptation, print the reason and return None.
 
     Args:

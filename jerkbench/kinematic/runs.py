@@ -11,7 +11,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.compiled import Compilation, compile_all
-from jerkbench.contracts import Adaptation, Filter, memory_size, wants_truth
+from jerkbench.contracts import Adaptation, Filter, wants_truth
 from jerkbench.estimate import (
     NEES,
     NEES_POSITION,
@@ -92,8 +92,8 @@ def _call(prepare: Prepare, pack: Pack, rules: Sequence[Rule], output: Output) -
     """Call the loop for the runs of a pack, and return the record with the final states."""
     loop, of, model, initial = prepare(pack)
     state, functions = new_state(of, initial, len(pack.members)), rules[0].functions()
-    axis, arrays = (0,) * len(state["A"]), rules_of(rules, len(state["x"]))
-    loop.result()(axis, pack.steps, pack.scored, model, arrays, *functions, output, state)
+    arrays = rules_of(rules, len(state["x"]))
+    loop.result()(pack.steps, pack.scored, model, arrays, *functions, output, state)
     return state
 
 
@@ -123,12 +123,12 @@ def states_on_axis(model: Filter) -> int:
 
 
 def run_batch(
-    runs: Sequence[Run], models: Sequence[Filter], rules: Sequence[Rule], *, updates: bool, threads: int
+    runs: Sequence[Run], models: Sequence[Filter], rules: Sequence[Rule | None], *, updates: bool, threads: int
 ) -> list[Streamed | None]:
     """Run each run k with the filter ``models[k]`` and the adaptation ``rules[k]``, and return the error sums per run.
 
-    The result is None for a run that diverged or whose adaptation raised an error. The caller must repeat such a run
-    alone.
+    The result is None for a run without a compiled adaptation, that diverged, or whose adaptation raised an error. The
+    caller must repeat such a run alone.
     """
     states = [3 * states_on_axis(model) for model in models]
     return run_packs(runs, states, rules, partial(_prepared, models), updates=updates, threads=threads)
@@ -137,7 +137,7 @@ def run_batch(
 def run_packs(
     runs: Sequence[Run],
     states: Sequence[int],
-    rules: Sequence[Rule],
+    rules: Sequence[Rule | None],
     prepare: Prepare,
     *,
     kinds: Sequence[Hashable] = (),
@@ -152,7 +152,7 @@ def run_packs(
     Args:
         runs: timeline and scoring of each run.
         states: number of states of the filter of each run.
-        rules: compiled adaptation of each run.
+        rules: compiled adaptation of each run, or None for each run that is skipped.
         prepare: function that prepares the compiled loop for a pack.
         kinds: for each run, an additional property that must be equal in a pack, or empty without such a property.
         updates: whether the results contain the innovation, the NIS and R of each update.
@@ -163,12 +163,12 @@ def run_packs(
     def run_pack(pack: Pack) -> None:
         marks = int(pack.scored.mark.max()) + 1 if any(map(len, pack.marks)) else 0
         output = new_output(visits=0, marks=marks, updates=len(pack.update_s) * updates)
-        state = _call(prepare, pack, [rules[k] for k in pack.lanes], output)
+        state = _call(prepare, pack, [rule for k in pack.lanes if (rule := rules[k])], output)
         for index, result in zip(pack.members, _results_of(pack, state, output), strict=False):
             results[index] = result
 
-    grouped: list[Kind] = [
-        ((s, kind, rule.group, rule.in_lanes or memory_size(rule.adaptation, s)), wants_truth(rule.adaptation))
+    grouped: list[Kind | None] = [
+        None if rule is None else ((s, kind, rule.group(s)), wants_truth(rule.adaptation))
         for s, kind, rule in zip(states, kinds or states, rules, strict=True)
     ]
     packs = _packs(tuple(runs), tuple(grouped))

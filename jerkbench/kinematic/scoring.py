@@ -19,7 +19,7 @@ from jerkbench.estimate import (
     WITH_BURN_IN,
 )
 from jerkbench.kinematic.arguments import NIS_OF_USED, ROWS_USED, SEEN_NIS, SEEN_ROWS, Output, Runs, Scoring, read
-from jerkbench.kinematic.correction import eliminate
+from jerkbench.kinematic.update import eliminate
 
 
 def give(run: Runs, P: FloatArray, scored: Scoring, output: Output, k: int) -> None:

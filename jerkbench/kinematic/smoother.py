@@ -42,18 +42,17 @@ from jerkbench.kinematic.arguments import (
     Runs,
     Scoring,
     Steps,
+    copy_matrix,
     loop_type,
     read_matrix,
     record_layout,
 )
-from jerkbench.kinematic.correction import solve_back
-from jerkbench.kinematic.loop import all_stopped
+from jerkbench.kinematic.loop import all_stopped, predict, predict_covariance, predict_state
 from jerkbench.kinematic.packs import Pack
-from jerkbench.kinematic.prediction import Axis, predict, predict_covariance, predict_state
 from jerkbench.kinematic.rules import Rule
 from jerkbench.kinematic.runs import Prepared, run_packs, run_trajectory, states_on_axis
 from jerkbench.kinematic.scoring import give, note_update
-from jerkbench.kinematic.update import fill_innovation, update
+from jerkbench.kinematic.update import fill_innovation, solve_back, update
 from jerkbench.timeline import Run, Timeline
 
 SEGMENT = 32
@@ -92,15 +91,7 @@ def _layout(n: int) -> np.dtype[Any]:
 
 
 def run_smoother(
-    axis: Axis,
-    steps: Steps,
-    scored: Scoring,
-    tape: Tape,
-    rules: Rules,
-    adapt: Called,
-    gain: Called,
-    output: Output,
-    state: Runs,
+    steps: Steps, scored: Scoring, tape: Tape, rules: Rules, adapt: Called, gain: Called, output: Output, state: Runs
 ) -> None:
     """Run the forward and the backward pass of eight runs. If all runs stop early, the backward pass is skipped.
 
@@ -113,7 +104,7 @@ def run_smoother(
     _copy(run.x, run.P, x[0], P[0])
     for k in range(len(steps.model)):
         if steps.model[k] >= 0:
-            predict(run, run.x, run.P, steps, tape.model, k, axis)
+            predict(run, run.x, run.P, steps, tape.model, k)
         which = steps.update[k]
         if which >= 0:
             fill_innovation(run, steps.z, which)
@@ -127,14 +118,13 @@ def run_smoother(
             _copy(run.x, run.P, x[last], P[last])
             if which >= 0:
                 _write_update(run, left[last], solved[last])
-    _run_backward(run, axis, steps, scored, tape, output, last)
+    _run_backward(run, steps, scored, tape, output, last)
 
 
 def _copy(x: FloatArray, P: FloatArray, into_x: FloatArray, into_P: FloatArray) -> None:
     for s in range(len(into_x)):
         into_x[s] = x[s]
-        for t in range(len(into_x)):
-            into_P[s, t] = P[s, t]
+    copy_matrix(P, into_P)
 
 
 @not_inlined
@@ -142,7 +132,7 @@ def _write_update(run: Runs, left: FloatArray, solved: FloatArray) -> None:
     """Write I - K H, S^-1 y and S^-1 of the last update to the tape.
 
     Column a of ``run.gain`` is column a of K' = S^-1 H P. If state a is measured and its variance in R is smaller than
-    in P, column a of ``run.gain`` is -S^-1 R = K' - I (see `jerkbench.kinematic.correction`).
+    in P, column a of ``run.gain`` is -S^-1 R = K' - I (see `jerkbench.kinematic.update`).
     """
     M, Z = run.M, run.gain
     solve_back(M, Z, 7, len(run.x))
@@ -157,7 +147,7 @@ def _write_update(run: Runs, left: FloatArray, solved: FloatArray) -> None:
 
 
 @not_inlined
-def _run_backward(run: Runs, axis: Axis, steps: Steps, scored: Scoring, tape: Tape, output: Output, rows: int) -> None:
+def _run_backward(run: Runs, steps: Steps, scored: Scoring, tape: Tape, output: Output, rows: int) -> None:
     """Run the backward pass from the last row of the tape, which has the index ``rows``, to row 0."""
     x, P, between_x, between_P = in_lanes(tape.x), in_lanes(tape.P), in_lanes(tape.between_x), in_lanes(tape.between_P)
     left, solved = in_lanes(tape.left), in_lanes(tape.solved)
@@ -166,7 +156,7 @@ def _run_backward(run: Runs, axis: Axis, steps: Steps, scored: Scoring, tape: Ta
         _copy(x[row - 1], P[row - 1], run.x, run.P)
         for k in range(first + 1, last):
             if steps.model[k] >= 0:
-                predict(run, run.x, run.P, steps, tape.model, k, axis)
+                predict(run, run.x, run.P, steps, tape.model, k)
             _copy(run.x, run.P, between_x[k - first - 1], between_P[k - first - 1])
         _copy(x[row], P[row], between_x[last - first - 1], between_P[last - first - 1])
         for k in range(last, first, -1):
@@ -176,7 +166,7 @@ def _run_backward(run: Runs, axis: Axis, steps: Steps, scored: Scoring, tape: Ta
             if k == last and steps.update[k] >= 0:
                 _absorb(run, left[row], solved[row])
             if steps.model[k] >= 0:
-                _step_back(run, tape.model.A, steps.model[k], axis)
+                _step_back(run, tape.model.A, steps.model[k])
 
 
 @not_inlined
@@ -228,18 +218,18 @@ def _absorb(run: Runs, left: FloatArray, solved: FloatArray) -> None:
 
 
 @not_inlined
-def _step_back(run: Runs, A: FloatArray, length: int, axis: Axis) -> None:
+def _step_back(run: Runs, A: FloatArray, length: int) -> None:
     """Propagate the adjoint variables backwards over a time step.
 
     The backward step is equivalent to a prediction with the transition matrix A' and without process noise.
     """
-    n = len(axis)
+    n = len(run.A_step)
     read_matrix(A, length, run.A_step)
     for a in range(n):
         for b in range(n):
             run.Q_step[a, b] = run.A_step[b, a]
-    predict_state(run.adjoint_x, run.Q_step, run.none, run.none, run.e, axis)
-    predict_covariance(run.adjoint_P, run.Q_step, run.no_Q, run.square, axis)
+    predict_state(run.adjoint_x, run.Q_step, run.none, run.none, run.e)
+    predict_covariance(run.adjoint_P, run.Q_step, run.no_Q, run.square)
 
 
 # Python functions that run the compiled smoother.
@@ -266,12 +256,12 @@ def smooth_one(timeline: Timeline, model: Filter, rule: Rule) -> Estimate | None
 
 
 def smooth_many(
-    runs: Sequence[Run], models: Sequence[Filter], rules: Sequence[Rule], *, updates: bool, threads: int
+    runs: Sequence[Run], models: Sequence[Filter], rules: Sequence[Rule | None], *, updates: bool, threads: int
 ) -> list[Streamed | None]:
     """Return the error sums of each smoothed run of a batch.
 
-    The result is None for a run that diverged or whose adaptation raised an error. The caller must repeat such a run
-    alone.
+    The result is None for a run without a compiled adaptation, that diverged, or whose adaptation raised an error. The
+    caller must repeat such a run alone.
     """
     states = [3 * states_on_axis(model) for model in models]
     return run_packs(runs, states, rules, partial(_prepared, models), updates=updates, threads=threads)

@@ -8,7 +8,7 @@ from typing import Any
 
 from jerkbench import plugins
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.r_scale import scale_of
+from jerkbench.parameters import scale_of
 
 TUNED_SUFFIX = ", tuned"
 """Suffix of the label of a filter whose preset was written by `jerkbench tune`."""

@@ -17,7 +17,7 @@ from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.jobs import run as loop
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
-from jerkbench.r_scale import RScale
+from jerkbench.parameters import RScale
 from made_jobs import with_method, with_scenario
 
 TRUTH = {"filter.accel_mps2": SIGMA_A, "r_scale.position": R_POSITION, "r_scale.velocity": R_VELOCITY}

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jerkbench.kalman import EXPOSED
-from jerkbench.kinematic.correction import BOUND
+from jerkbench.kinematic.update import BOUND
 
 
 @st.composite

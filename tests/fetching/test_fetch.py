@@ -10,10 +10,10 @@ import pytest
 
 import pages
 from commands import verb
-from jerkbench import fetching
 from jerkbench.cli.recordings import dataset_of
 from jerkbench.errors import RecordingError
-from jerkbench.fetching import PublicFile, PublicRecording, fetch, public_recording, public_recordings
+from jerkbench.io import fetching
+from jerkbench.io.fetching import PublicFile, PublicRecording, fetch, public_recording, public_recordings
 
 CONTENT = bytes(range(256)) * 2000
 SHA256 = hashlib.sha256(CONTENT).hexdigest()

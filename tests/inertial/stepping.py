@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from jerkbench.inertial import mechanisation
-from jerkbench.inertial.mechanisation import advance_navigation, calibrated
+from jerkbench.inertial.state import advance_navigation, calibrated
+from jerkbench.inertial.state import transition as transitions
 
 
 def mechanise(state, accel_mps2, gyro_radps, dt_s, earth):
@@ -16,4 +16,4 @@ def mechanise(state, accel_mps2, gyro_radps, dt_s, earth):
 
 def transition(dt_s, dcm, force, states=15):
     """Phi of one step."""
-    return mechanisation.transition(np.array([dt_s]), dcm[None], force[None], states)[0]
+    return transitions(np.array([dt_s]), dcm[None], force[None], states)[0]

@@ -6,8 +6,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from stepping import mechanise, transition
 
-from jerkbench.inertial.mechanisation import FLAT, SensorNoise, calibrated, process_noise
-from jerkbench.inertial.state import NavigationState, corrected
+from jerkbench.inertial.state import FLAT, NavigationState, SensorNoise, calibrated, corrected, process_noise
 from jerkbench.inertial.update import (
     heading,
     point_in_enu,

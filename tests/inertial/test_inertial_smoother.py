@@ -14,8 +14,8 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.disturbances.outages import GnssOutage
 from jerkbench.filters.eskf15 import Eskf15, Eskf15Smoother
-from jerkbench.inertial.mechanisation import FLAT, process_noise
-from jerkbench.inertial.smoother import ForwardRun, smooth_backward
+from jerkbench.inertial.run import ForwardRun, smooth_backward
+from jerkbench.inertial.state import FLAT, process_noise
 from synthetic import level_attitude, recording_at_rest, with_fix_noise
 
 

@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import roll_pitch
-from jerkbench.inertial.mechanisation import SensorNoise
 from jerkbench.inertial.run_inputs import (
     LEVELLING_S,
     MOVING_TILT_RAD,
@@ -17,6 +16,7 @@ from jerkbench.inertial.run_inputs import (
     merge_events,
     still_samples,
 )
+from jerkbench.inertial.state import SensorNoise
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Position
 from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest

@@ -13,7 +13,7 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.filters.eskf15 import InvariantEkf
-from jerkbench.inertial.mechanisation import FLAT, advance_navigation
+from jerkbench.inertial.state import FLAT, advance_navigation
 from jerkbench.inertial.update import corrected_on_group
 
 LARGE = np.array([40.0, -25.0, 9.0, 3.0, -6.0, 2.0, 0.9, -0.6, 1.1])

@@ -5,8 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from stepping import mechanise
 
-from jerkbench.inertial.mechanisation import FLAT, RADIUS_M, RATE_RADPS, earth_at, gravity_enu
-from jerkbench.inertial.state import NavigationState, rotation_exp
+from jerkbench.inertial.state import FLAT, RADIUS_M, RATE_RADPS, NavigationState, earth_at, gravity_enu, rotation_exp
 from jerkbench.recording import GRAVITY_MPS2, Origin
 
 AMES = Origin(42.0, -93.6, 300.0)

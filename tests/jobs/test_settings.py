@@ -16,8 +16,7 @@ from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
 from jerkbench.jobs.rows import Task, job_rows, task_rows
-from jerkbench.parameters import Column
-from jerkbench.r_scale import RScale
+from jerkbench.parameters import Column, RScale
 from made_jobs import job_with, with_method
 
 FIELD = {"name": "field", "duration_s": 12.0}

@@ -13,7 +13,7 @@ from jerkbench.errors import PluginError
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.inertial.run_inputs import with_body_velocity
 from jerkbench.inertial.state import NavigationState, rotation_exp
-from jerkbench.r_scale import RScale, scale_of, with_r_scale
+from jerkbench.parameters import RScale, scale_of
 from jerkbench.recording import Imu, Position, Velocity
 from jerkbench.timeline import (
     INITIAL_SPEED_SIGMA_MPS,
@@ -21,6 +21,7 @@ from jerkbench.timeline import (
     UNSEEN_SIGMA_MPS2,
     build_timeline,
     scaled_timeline,
+    with_r_scale,
 )
 from synthetic import level_attitude, recording_at_rest
 

@@ -193,9 +193,7 @@ class InnovationLikelihood:
     Source: the prediction error decomposition (F. C. Schweppe, 1965, doi:10.1109/TIT.1965.1053737).
     """
 
-    columns: ClassVar[Mapping[str, Column]] = {
-        "innovation_log_loss": Column(judged=False),
-    }
+    columns: ClassVar[Mapping[str, Column]] = {"innovation_log_loss": Column(judged=False)}
 
     default: ClassVar[bool] = False
     reads: ClassVar[str] = "updates"
@@ -278,9 +276,7 @@ class Crps(Summed):
     Source: Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102 (2007), (21).
     """
 
-    columns: ClassVar[Mapping[str, Column]] = {
-        "position_crps_m": Column("CRPS of the position, mean of the axes"),
-    }
+    columns: ClassVar[Mapping[str, Column]] = {"position_crps_m": Column("CRPS of the position, mean of the axes")}
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the value of the metric by column name."""

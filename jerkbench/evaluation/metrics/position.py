@@ -76,9 +76,7 @@ class VelocityRmse(Summed):
     A value is NaN if no counted row has a known reference.
     """
 
-    columns: ClassVar[Mapping[str, Column]] = {
-        "velocity_rmse_mps": Column("Velocity RMSE (3-D)", section=5),
-    }
+    columns: ClassVar[Mapping[str, Column]] = {"velocity_rmse_mps": Column("Velocity RMSE (3-D)", section=5)}
 
     reads_covariance: ClassVar[bool] = False
 

@@ -17,7 +17,7 @@ from jerkbench.evaluation.counted_rows import (
 from jerkbench.evaluation.evaluated_run import Summed
 from jerkbench.parameters import Column
 from jerkbench.plugins import register
-from jerkbench.recording import MeasuredVectors, Recording
+from jerkbench.recording import Recording
 from jerkbench.timeline import VARIANCE_FLOOR
 
 LARGER = 4.0
@@ -35,15 +35,10 @@ def fault_windows_s(recording: Recording) -> FloatArray:
     windows = [recording.outages_s]
     for stream in (recording.position, recording.velocity):
         if stream is not None and len(stream.t_s):
-            begins, ends = streaks(_at_fault(stream)).T
+            reported, true = (np.diagonal(one, axis1=1, axis2=2) for one in (stream.reported, stream.true))
+            begins, ends = streaks(np.any(true > LARGER * reported, axis=1)).T  # NaN is not faulty
             windows.append(np.column_stack([stream.t_s[begins], stream.t_s[np.minimum(ends, len(stream.t_s) - 1)]]))
     return _joined(np.concatenate(windows))
-
-
-def _at_fault(stream: MeasuredVectors) -> BoolArray:
-    """Return a mask (m,) of the faulty measurements, which is False if the true covariance is unknown."""
-    reported, true = (np.diagonal(covariance, axis1=1, axis2=2) for covariance in (stream.reported, stream.true))
-    return np.asarray(np.any(true > LARGER * reported, axis=1))
 
 
 def _joined(windows_s: FloatArray) -> FloatArray:
@@ -259,17 +254,12 @@ class Lockout:
         used, reported = used[:, rows], reported[:, rows]
         inflated = np.asarray((used > INFLATED * reported).any(axis=0))
         rejected = (~np.isfinite(used)).all(axis=0)
+        t_s, (begin, end) = updates.t_s[rows], streaks(inflated).T
         return {
             "inflated_percent": 100 * float(inflated.mean()),
             "rejected_percent": 100 * float(rejected.mean()),
-            "lockout_s": longest_streak_s(inflated, updates.t_s[rows]),
+            "lockout_s": float(np.max(t_s[end - 1] - t_s[begin], initial=0.0)),
         }
-
-
-def longest_streak_s(flags: BoolArray, t_s: FloatArray) -> float:
-    """Return the longest time [s] from the first to the last of consecutive true ``flags``, or 0 if no flag is true."""
-    begin, end = streaks(flags).T
-    return float(np.max(t_s[end - 1] - t_s[begin], initial=0.0))
 
 
 def used_and_reported(updates: Updates, recording: Recording) -> tuple[FloatArray, FloatArray]:

@@ -1,14 +1,52 @@
-"""The measurement updates of one run. In each update, the adaptation returns R, and a recorder stores the results."""
+"""Parts of a run in NumPy: step models, initial state, updates with an adapted R, and a recorder of the results."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.contracts import Adaptation, Fading, clocked, empty_memory, wants_truth
+from jerkbench.contracts import Adaptation, Fading, Filter, clocked, empty_memory, wants_truth
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.kalman import squared_distance
 from jerkbench.timeline import Timeline
+
+
+class StepModels:
+    """The models of the time steps of a filter, in a cache whose key is the length of the step in nanoseconds."""
+
+    def __init__(self, model: Filter, dt0_s: float) -> None:
+        self._model, self._dt0_s = model, dt0_s
+        self._known: dict[int, tuple[Any, Any, Any]] = {}
+
+    def of(self, dt_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return F (n, n), B (n, 3) and Q (n, n) of a step of ``dt_s`` seconds, from the cache if possible.
+
+        The matrices are the Kronecker products of the model of one axis with I3.
+        """
+        key = round(dt_s * 1e9)
+        if key not in self._known:
+            A, b, Q = self._model.axis_model(dt_s, self._dt0_s)
+            self._known[key] = np.kron(A, np.eye(3)), np.kron(b[:, None], np.eye(3)), np.kron(Q, np.eye(3))
+        return self._known[key]
+
+    def predicted(
+        self, x: FloatArray, P: FloatArray, dt_s: float, u: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return x (n,) and P (n, n) after a step of ``dt_s`` seconds with the input u (3,), and F (n, n)."""
+        F, B, Q = self.of(dt_s)
+        return F @ x + B @ u, F @ P @ F.T + Q, F
+
+
+def initial(timeline: Timeline, model: Filter) -> tuple[FloatArray, FloatArray]:
+    """Return the initial state x (n,) of the filter ``model`` and its covariance P (n, n) for a timeline."""
+    extra = np.repeat(model.initial_variances(), 3)
+    P = np.diag(np.concatenate([np.zeros(6), extra]))
+    P[:6, :6] = timeline.P0
+    return np.concatenate([timeline.x0, np.zeros(len(extra))]), P
+
+
+# The measurement updates. In each update, the adaptation returns R, and a recorder stores the results.
 
 
 class Recorder:
