@@ -50,20 +50,21 @@ def front(audit: Audit) -> str:
         SystemExit: The results have changed, so that the first sentence is no longer true.
     """
     counts, methods = audit.better_and_worse(), len(audit.methods)
-    average, without = audit.average(), audit.average(~audit.faults["outliers"])
+    average, outliers = audit.average(), audit.average(audit.faults["outliers"])
+    without = audit.average(~audit.faults["outliers"])
     found = REAL_GNSS.search((RESULTS / "journeys" / "answer.md").read_text(encoding="utf-8"))
     if not found or found[5] != "worse" or average[2] >= 1.0 or without[1] < 0.995 or counts["no fault"][0]:
         sys.exit(f"The results have changed ({average}, {without}, {counts['no fault']}, {found}): rewrite the text.")
     trips, ratio, low, high, _ = found.groups()
     finding = f"""\
-**Adaptation helps against outliers, rarely otherwise.** We tuned {methods} adaptive filters and all plain filters
-equally, and tested them on {audit.y.shape[2]} new simulated drives. On drives with outliers,
+**Adaptation helps against outliers, rarely otherwise.** {methods} adaptive and all plain filters were tuned
+equally, and tested on {audit.y.shape[2]} new simulated drives. On drives with outliers,
 {counts["outliers"][0]} adaptive filters are significantly better than the plain filter of the same model, and
-{counts["outliers"][1]} are worse. On drives without a fault, no adaptive filter beats the plain filter, and
-{counts["no fault"][1]} are worse. On average, adaptation multiplies the error by {average[0]:.2f} (95 % interval
-{average[1]:.2f} to {average[2]:.2f}), and without outliers by {without[0]:.2f} ({without[1]:.2f} to {without[2]:.2f}).
-On {trips} real GNSS trips, adaptation multiplies the error by {ratio} (median of the trips; 95 % interval {low} to
-{high})."""
+{counts["outliers"][1]} are worse. On drives without a fault, no adaptive filter is better, and
+{counts["no fault"][1]} are worse. On average, adaptation multiplies the error by {outliers[0]:.2f} (95 % interval
+{outliers[1]:.2f} to {outliers[2]:.2f}) with outliers, by {without[0]:.2f} ({without[1]:.2f} to {without[2]:.2f})
+without outliers, and by {average[0]:.2f} ({average[1]:.2f} to {average[2]:.2f}) overall. On {trips} real GNSS
+trips, the median is {ratio} ({low} to {high})."""
     limits = "[The audit](experiments/audit/README.md) describes the method, the ranking and the limits."
     caption = (
         "Number of adaptive filters that are significantly better or worse than the plain filter, by kind of fault"

@@ -163,22 +163,25 @@ def main() -> int:
     text = " ".join(block[1].split())
     audit = Audit(RESULTS / "audit-full")
     counts = audit.better_and_worse()
-    average, without = audit.average(), audit.average(~audit.faults["outliers"])
+    average, outliers = audit.average(), audit.average(audit.faults["outliers"])
+    without = audit.average(~audit.faults["outliers"])
     *real, number = journeys("J-GNSS")
     found = {
-        r"tuned (\d+) adaptive": len(audit.methods),
+        r"(\d+) adaptive and all": len(audit.methods),
         r"on (\d+) new simulated drives": audit.y.shape[2],
         r"drives with outliers, (\d+) adaptive": counts["outliers"][0],
         r"of the same model, and (\d+) are worse": counts["outliers"][1],
-        r"drives without a fault, (\w+) adaptive filter beats the plain filter": counts["no fault"][0] or "no",
-        r"beats the plain filter, and (\d+) are worse": counts["no fault"][1],
-        r"multiplies the error by (\S+) \(": f"{average[0]:.2f}",
-        r"\(95 % interval (\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*average),
-        r"without outliers by (\S+) \(": f"{without[0]:.2f}",
-        r"without outliers by \S+ \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*without),
+        r"drives without a fault, (\w+) adaptive filter is better": counts["no fault"][0] or "no",
+        r"is better, and (\d+) are worse": counts["no fault"][1],
+        r"multiplies the error by (\S+) \(": f"{outliers[0]:.2f}",
+        r"\(95 % interval (\S+ to [\d.]+)\) with outliers": "{1:.2f} to {2:.2f}".format(*outliers),
+        r"\) with outliers, by (\S+) \(": f"{without[0]:.2f}",
+        r"with outliers, by \S+ \((\S+ to [\d.]+)\) without outliers": "{1:.2f} to {2:.2f}".format(*without),
+        r"without outliers, and by (\S+) \(": f"{average[0]:.2f}",
+        r"\((\S+ to [\d.]+)\) overall": "{1:.2f} to {2:.2f}".format(*average),
         r"On (\d+) real GNSS trips": number,
-        r"GNSS trips, .*? the error by (\S+) \(": f"{real[0]:.2f}",
-        r"median of the trips; 95 % interval (\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*real),
+        r"GNSS trips, the median is (\S+) \(": f"{real[0]:.2f}",
+        r"the median is \S+ \((\S+ to [\d.]+)\)": "{1:.2f} to {2:.2f}".format(*real),
     }
     differ = 0
     for pattern, value in found.items():
