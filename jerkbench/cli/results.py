@@ -257,7 +257,7 @@ def cite_command(arguments: argparse.Namespace) -> None:
         JerkbenchError: The folder cannot be read.
     """
     from jerkbench.jobs.study import load_study
-    from jerkbench.report.bibliography import entries_of
+    from jerkbench.report.writers import entries_of
 
     jobs = load_study(arguments.folder).metadata.values() if arguments.folder else ()
     print("\n\n".join(entries_of(job["spec"] for job in jobs)))

@@ -10,7 +10,7 @@ from commands import verb
 from jerkbench import api
 from jerkbench.adaptation.huber import HuberR
 from jerkbench.adaptation.mtf import Mtf, MtfNis
-from jerkbench.report.bibliography import entry, merged
+from jerkbench.report.writers import entry, merged
 
 ROOT = Path(__file__).parents[2]
 
