@@ -24,11 +24,10 @@ from jerkbench.kinematic.arguments import (
     read,
     record_layout,
 )
-from jerkbench.kinematic.loop import all_stopped, predict
+from jerkbench.kinematic.loop import all_stopped, give, note_update, predict
 from jerkbench.kinematic.packs import Pack
 from jerkbench.kinematic.rules import Rule
 from jerkbench.kinematic.runs import Prepared, run_packs, run_trajectory
-from jerkbench.kinematic.scoring import give, note_update
 from jerkbench.kinematic.update import (
     adapt_R,
     check_definite,
