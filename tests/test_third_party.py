@@ -10,8 +10,7 @@ import pytest
 from commands import SHORT, jerkbench, swept
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.errors import PluginError
-from jerkbench.jobs.job import Protocol, build
-from jerkbench.jobs.preflight import TRACEBACK
+from jerkbench.jobs.job import TRACEBACK, Protocol, build
 from jerkbench.jobs.rows import job_rows
 from made_jobs import with_method
 

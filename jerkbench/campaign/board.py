@@ -35,7 +35,7 @@ from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.ranks import rank_range
 from jerkbench.files import write_text
 from jerkbench.jobs.key import data_fingerprint
-from jerkbench.jobs.preflight import require_inputs
+from jerkbench.jobs.plan import require_inputs
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.study import SAME_WITHIN, relative_difference
 from jerkbench.notices import plain

@@ -32,8 +32,7 @@ from jerkbench.jobs.executors import Cluster, ClusterError, Workers, processors
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.manifest import JobSeeds, stretches
 from jerkbench.jobs.names import require_sensible
-from jerkbench.jobs.plan import Plan, in_order, missing, planned
-from jerkbench.jobs.preflight import first_complaints, first_notes
+from jerkbench.jobs.plan import Plan, first_complaints, first_notes, in_order, missing, planned
 from jerkbench.jobs.progress import Progress, duration, pulse
 from jerkbench.jobs.run import run_missing
 from jerkbench.jobs.store import Store

@@ -1,10 +1,18 @@
-"""A job: one combination of a scenario and a method, with the metrics, the parameters of the scoring and the seeds."""
+"""A job: one combination of a scenario and a method, with the metrics, the parameters of the scoring and the seeds.
+
+The module also converts the exceptions of the plugins of a job to error messages.
+"""
 
 import dataclasses
 import json
+import os
+import traceback
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache, cached_property, lru_cache
 from typing import Annotated, Any
+
+import numpy as np
 
 from jerkbench import plugins
 from jerkbench.contracts import (
@@ -19,13 +27,13 @@ from jerkbench.contracts import (
     ReadingFile,
     has_methods,
 )
-from jerkbench.errors import PluginError
+from jerkbench.errors import DISK_FULL, JerkbenchError, PluginError
 from jerkbench.evaluation.evaluated_run import LIMIT_M
 from jerkbench.jobs.key import data_fingerprint, key_of
 from jerkbench.notices import notify
 from jerkbench.notices import plain as plain_text
 from jerkbench.parameters import NOT_NEGATIVE, Limit, Limited, RScale, scale_of
-from jerkbench.plugins import missing_member
+from jerkbench.plugins import is_builtin, missing_member
 from jerkbench.report.labels import GROUPS, Labels, default_labels
 
 WITHOUT_SEEDS = ("one_recording",)
@@ -58,7 +66,7 @@ def metric_names(wanted: Sequence[str], *, seeded: bool = True) -> tuple[str, ..
 
 @cache
 def _by_default(name: str) -> bool:
-    return plugins.is_builtin(metric := plugins.get("metric", name)) and getattr(metric, "default", True)
+    return is_builtin(metric := plugins.get("metric", name)) and getattr(metric, "default", True)
 
 
 # The configuration group ``noise`` sets process noise parameters of the filter.
@@ -314,6 +322,71 @@ def _new_part(kind: str, config: Mapping[str, Any]) -> tuple[Any, dict[str, Any]
     A plugin of another package that lacks a required method is rejected here, before the first run.
     """
     plugin = plugins.create(kind, config)
-    if not plugins.is_builtin(type(plugin)) and (message := missing_member(kind, plugin)):
+    if not is_builtin(type(plugin)) and (message := missing_member(kind, plugin)):
         raise PluginError(message)
     return plugin, {"name": config["name"], **dataclasses.asdict(plugin)}
+
+
+# The error messages about a job.
+
+TRACEBACK = "JERKBENCH_TRACEBACK"
+"""Environment variable for authors of plugins. If set, a single run raises the original exception of a plugin."""
+
+
+def reason_of(error: Exception) -> str:
+    """Return the text of an exception, with the name of the function and the number of the line that raised it."""
+    if isinstance(error, np.linalg.LinAlgError):
+        check = "check the covariances of the measurements (`jerkbench data inspect`) and the parameters of the method"
+        return f"a matrix is singular, or not positive definite, to working precision ({error}); {check}"
+    at = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {error} ({at.name}, line {at.lineno})"
+
+
+@contextmanager
+def plugin_errors(job: Job) -> Iterator[None]:
+    """Convert exceptions of a plugin to `PluginError`.
+
+    Errors of jerkbench, and errors because the disk is full, are raised unchanged.
+
+    Raises:
+        PluginError: A plugin raised an exception, and the environment variable `TRACEBACK` is not set.
+    """
+    try:
+        yield
+    except JerkbenchError:
+        raise
+    except Exception as error:
+        if os.environ.get(TRACEBACK) or (isinstance(error, OSError) and error.errno in DISK_FULL):
+            raise
+        culprit, why = _culprit(job, error), reason_of(error)
+        raise PluginError(f"{culprit} failed: {why}. Set {TRACEBACK}=1 to see the traceback.") from error
+
+
+def _culprit(job: Job, error: Exception) -> str:
+    """Return the kind and name of the plugin whose method raised the exception.
+
+    If the traceback contains no method of a plugin, the result names the filter and the adaptation. The result never
+    names the engine, because the engine calls the other plugins.
+    """
+    named = [(f"{kind} {name}", plugin) for kind, name, plugin in job.parts() if kind != "engine"]
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    for frame in reversed(frames):
+        instance = frame.f_locals.get("self")
+        if names := [name for name, plugin in named if plugin is instance]:
+            return f"The {names[0]}"
+    return f"The filter {job.spec['filter']['name']} with the adaptation {job.spec['adaptation']['name']}"
+
+
+def unfit(job: Job) -> str:
+    """Return a message about the first plugin of the job that violates its contract, or an empty string."""
+    return next((message for _, message in contract_violations(job)), "")
+
+
+def contract_violations(job: Job) -> Iterator[tuple[str, str]]:
+    """Yield a name ("KIND NAME") and a message for each plugin of another package that violates its contract."""
+    for kind, name, plugin in job.parts():
+        if not is_builtin(type(plugin)):
+            from jerkbench.plugins.checks import complaint
+
+            if message := complaint(kind, plugin):
+                yield f"{kind} {name}", message

@@ -1,16 +1,22 @@
-"""The plan of a sweep: its jobs and tasks, ordered such that consecutive tasks use the same recordings."""
+"""The plan of a sweep: its jobs and tasks, ordered such that consecutive tasks use the same recordings.
+
+Before the first run, the jobs are checked, and warnings about plugins and recordings are collected.
+"""
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from jerkbench.arrays import WIDE
-from jerkbench.errors import PluginError, RecordingError
-from jerkbench.jobs.inputs import MAX_CACHED_INPUTS
-from jerkbench.jobs.job import Job, Scenario
+from jerkbench.contracts import Remarking, Requiring, has_methods
+from jerkbench.errors import JerkbenchError, PluginError, RecordingError
+from jerkbench.inspection.diagnostics import first_diagnoses
+from jerkbench.jobs.inputs import MAX_CACHED_INPUTS, shared_inputs
+from jerkbench.jobs.job import Job, Scenario, contract_violations
 from jerkbench.jobs.names import refusal
-from jerkbench.jobs.preflight import require_inputs
-from jerkbench.jobs.rows import Task, shared_call, streams
+from jerkbench.jobs.rows import Task, remarks_of, shared_call, streams
+from jerkbench.report.labels import bare
 
 MIN_CHUNKS = 4
 """Minimum number of chunks for each worker, so that all workers finish at about the same time."""
@@ -182,3 +188,60 @@ def _tasks_of(jobs: Sequence[Job], block: Sequence[int], wanted: Mapping[str, se
     for (_, draws), members in calls.items():
         tasks += [Task(tuple(members[start : start + maximum]), draws) for start in range(0, len(members), maximum)]
     return tasks
+
+
+# The checks and warnings before the first run.
+
+
+def require_inputs(job: Job, checked: set[tuple[object, object]]) -> None:
+    """Check that the recording of the first seed has the inputs that the attitude and the navigation filter require.
+
+    Args:
+        job: The job, whose recording is loaded only if one of the two filters has requirements.
+        checked: Pairs of a data set and a filter that are already checked. The function adds the pairs of ``job`` to
+            this set.
+
+    Raises:
+        JerkbenchError: The recording does not exist, or lacks an input that a filter requires.
+    """
+    for part in (job.scenario.attitude, job.method.filter):
+        if has_methods(part, Requiring) and (job.scenario.dataset, part) not in checked:
+            try:
+                part.require(lambda: job.scenario.dataset.load(job.draws[0]))
+            except JerkbenchError:
+                raise
+            except Exception:  # noqa: BLE001, S110 - the run raises it again, and its row gets the status "failed"
+                pass
+            checked.add((job.scenario.dataset, part))
+
+
+def first_complaints(jobs: Iterable[Job]) -> list[str]:
+    """Return a warning for each plugin of ``jobs`` that violates its contract.
+
+    All runs that use a plugin with a warning will fail.
+    """
+    complaints = dict(complaint for job in jobs for complaint in contract_violations(job))
+    return [f"Every run with the {title} will fail: {message}" for title, message in complaints.items()]
+
+
+def first_notes(jobs: Sequence[Job]) -> list[str]:
+    """Return warnings about obvious mistakes in the recordings of a sweep, and the notes of the attitude filters.
+
+    The command `data inspect` finds more mistakes. Simulated recordings are not checked, and notes about simulated
+    recordings are printed below the table instead.
+    """
+    inputs, recorded = shared_inputs(), [job for job in jobs if not job.scenario.dataset.seeded]
+    drives = {job.scenario.dataset: job for job in recorded}
+    firsts: dict[object, Job] = {}
+    for job in recorded:
+        firsts.setdefault(job.scenario, job)
+    mistakes, remarks = list[str](), list[str]()
+    for job in drives.values():
+        with suppress(Exception):  # the run raises the exception again, and its row gets the status "failed"
+            drive = inputs.undisturbed(job.scenario.dataset, job.draws[0])
+            mistakes += [f"{bare(job.labels.dataset)}: {diagnosis}" for diagnosis in first_diagnoses(drive)]
+    for job in firsts.values():
+        if isinstance(job.scenario.attitude, Remarking):
+            with suppress(Exception):  # the run raises the exception again
+                remarks += remarks_of(job, inputs.recording(job.scenario, job.draws[0]))
+    return [*mistakes, *dict.fromkeys(remarks)]

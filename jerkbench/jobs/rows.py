@@ -35,11 +35,12 @@ from jerkbench.evaluation.evaluated_run import (
     sums_from,
     why_diverged,
 )
+from jerkbench.io.sanitiser import imu_gap_notes
 from jerkbench.jobs.inputs import MAX_CACHED_INPUTS, shared_inputs
-from jerkbench.jobs.job import Job
-from jerkbench.jobs.preflight import notes_of, plugin_errors, reason_of, unfit
+from jerkbench.jobs.job import Job, plugin_errors, reason_of, unfit
 from jerkbench.notices import plain
 from jerkbench.recording import Recording
+from jerkbench.report.labels import bare
 from jerkbench.timeline import RecordedRun, Run, Timeline, build_timeline, scaled_timeline
 
 Row = dict[str, Any]
@@ -302,3 +303,27 @@ def _values(job: Job, seed: _ReadySeed, result: Streamed) -> dict[str, float]:
         outline = replace(outline, updates=result.updates)
     sums, run = sums_from(result, seed.reference, seed.recording), (outline, seed.recording, seed.reference.counted)
     return metric_values(job.metrics.values(), sums, run, shared_inputs().columns)
+
+
+# The notes below a table describe the reference and the recording, and include the notes of both filters.
+
+
+def notes_of(job: Job, recording: Recording) -> list[str]:
+    """Return the notes that are printed below the table of a job."""
+    return [plain(note) for note in (*_reference_notes(job, recording), *remarks_of(job, recording))]
+
+
+def _reference_notes(job: Job, recording: Recording) -> list[str]:
+    reference, name = recording.reference, bare(job.labels.dataset)
+    notes = [f"{name}: {note}" for note in (*recording.notes, *imu_gap_notes(recording.imu))]
+    if reference.empty:
+        return [f"{name} has no reference: {reference.source}.", *notes]
+    independence = "independent of" if reference.independent else "not independent of"
+    return [f"Reference of {name}: {reference.source}; {independence} the measurements.", *notes]
+
+
+def remarks_of(job: Job, recording: Recording) -> list[str]:
+    """Return the notes of the attitude filter and of the navigation filter about a recording."""
+    parts = job.scenario.attitude, job.method.filter
+    of_attitude, of_filter = (part.remarks(recording) if has_methods(part, Remarking) else () for part in parts)
+    return [*(f"{bare(job.labels.dataset)}: {note}" for note in of_attitude), *of_filter]

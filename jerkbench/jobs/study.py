@@ -20,10 +20,9 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.evaluated_run import RUN_COLUMNS
 from jerkbench.files import write_atomically
 from jerkbench.filters.trajectory import Command
-from jerkbench.jobs.job import Job, Protocol, build
+from jerkbench.jobs.job import Job, Protocol, build, plugin_errors
 from jerkbench.jobs.key import code_digest, plugin_packages, require_data, versions
 from jerkbench.jobs.manifest import JobSeeds, read_manifest, stretches, write_manifest
-from jerkbench.jobs.preflight import plugin_errors
 from jerkbench.jobs.rows import Row, job_rows, run_seed
 from jerkbench.jobs.store import HEAD_COLUMNS, Store, Stored, frame
 from jerkbench.notices import plain

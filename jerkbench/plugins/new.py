@@ -13,7 +13,7 @@ from pathlib import Path
 from jerkbench import plugins
 from jerkbench.errors import PluginError, article, require_known
 from jerkbench.files import JunitCase, filled_template, write_text
-from jerkbench.jobs.preflight import reason_of
+from jerkbench.jobs.job import reason_of
 from jerkbench.plugins.checks import class_problems, problem
 
 # Functions that check a package.

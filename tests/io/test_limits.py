@@ -26,7 +26,7 @@ from jerkbench.io.columns import TextFormat
 from jerkbench.io.readers import read_columns
 from jerkbench.io.sanitiser import off_earth
 from jerkbench.io.tracks import _POS_HEADER
-from jerkbench.jobs.preflight import reason_of
+from jerkbench.jobs.job import reason_of
 from jerkbench.recording import Imu, Position, Recording, Reference
 
 ROWS, START = 6, 1_715_688_000  # 2024-05-14 12:00:00 UTC

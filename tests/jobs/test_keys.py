@@ -23,7 +23,7 @@ RUNNING = ("jobs/rows", "campaign/split")
 NO_NUMBERS = {
     *("api", "errors", "files", "notices", "places", "presets"),
     *(f"plugins/{name}" for name in ("__init__", "checks", "members")),
-    *(f"jobs/{name}" for name in ("key", "names", "preflight")),
+    *(f"jobs/{name}" for name in ("key", "names")),
 }
 """Rooms and modules that refuse, name or say something; what they import is not followed."""
 
