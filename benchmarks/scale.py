@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from jerkbench.jobs.job import Protocol, build
-from jerkbench.jobs.manifest import write_manifest
+from jerkbench.jobs.key import write_manifest
 from jerkbench.jobs.plan import Plan, planned
 from jerkbench.jobs.rows import Task, job_rows
 from jerkbench.jobs.run import blocks_of, origin

@@ -20,7 +20,7 @@ from jerkbench.errors import JerkbenchError
 from jerkbench.hydra_app.app import conclude_sweep, report_end
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Protocol, build
-from jerkbench.jobs.manifest import read_manifest
+from jerkbench.jobs.key import read_manifest
 from jerkbench.jobs.plan import planned
 from jerkbench.jobs.run import run_missing
 from jerkbench.jobs.store import Store

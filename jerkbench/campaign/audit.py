@@ -28,8 +28,7 @@ from jerkbench.evaluation.drives_and_tunings import Losses, log_losses
 from jerkbench.files import write_atomically, write_text
 from jerkbench.jobs.executors import Cluster, Workers
 from jerkbench.jobs.job import Job
-from jerkbench.jobs.key import code_digest, git_commit, versions
-from jerkbench.jobs.manifest import MANIFEST
+from jerkbench.jobs.key import MANIFEST, code_digest, git_commit, versions
 from jerkbench.jobs.progress import Progress
 from jerkbench.notices import notify
 

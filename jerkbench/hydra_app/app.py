@@ -30,7 +30,7 @@ from jerkbench.hydra_app.configuration import (
 from jerkbench.hydra_app.overrides import arranged_overrides, ignored_combinations
 from jerkbench.jobs.executors import Cluster, ClusterError, Workers, processors
 from jerkbench.jobs.job import Job
-from jerkbench.jobs.manifest import JobSeeds, stretches
+from jerkbench.jobs.key import JobSeeds, stretches
 from jerkbench.jobs.names import require_sensible
 from jerkbench.jobs.plan import Plan, first_complaints, first_notes, in_order, missing, planned
 from jerkbench.jobs.progress import Progress, duration, pulse

@@ -33,7 +33,7 @@ from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.evaluated_run import RUN_COLUMNS
 from jerkbench.files import write_atomically
 from jerkbench.jobs.job import Job
-from jerkbench.jobs.manifest import ShownSeeds, Stretches, read_manifest
+from jerkbench.jobs.key import ShownSeeds, Stretches, read_manifest
 from jerkbench.jobs.rows import Row
 from jerkbench.notices import notify, plain
 from jerkbench.renamed import new_label

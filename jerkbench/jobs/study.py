@@ -21,8 +21,16 @@ from jerkbench.evaluation.evaluated_run import RUN_COLUMNS
 from jerkbench.files import write_atomically
 from jerkbench.filters.trajectory import Command
 from jerkbench.jobs.job import Job, Protocol, build, plugin_errors
-from jerkbench.jobs.key import code_digest, plugin_packages, require_data, versions
-from jerkbench.jobs.manifest import JobSeeds, read_manifest, stretches, write_manifest
+from jerkbench.jobs.key import (
+    JobSeeds,
+    code_digest,
+    plugin_packages,
+    read_manifest,
+    require_data,
+    stretches,
+    versions,
+    write_manifest,
+)
 from jerkbench.jobs.rows import Row, job_rows, run_seed
 from jerkbench.jobs.store import HEAD_COLUMNS, Store, Stored, frame
 from jerkbench.notices import plain

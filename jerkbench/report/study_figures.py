@@ -25,7 +25,7 @@ from jerkbench.evaluation.counted_rows import position_error_length_m
 from jerkbench.files import write_atomically, write_text
 from jerkbench.jobs.executors import Workers
 from jerkbench.jobs.job import Job
-from jerkbench.jobs.manifest import read_manifest
+from jerkbench.jobs.key import read_manifest
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.rows import run_seed
 from jerkbench.jobs.run import outcomes

@@ -14,7 +14,7 @@ from commands import PATIENCE_S, SHORT, environment, verb
 from jerkbench import api
 from jerkbench.files import write_text
 from jerkbench.jobs.job import Protocol
-from jerkbench.jobs.manifest import MANIFEST, read_manifest
+from jerkbench.jobs.key import MANIFEST, read_manifest
 from jerkbench.jobs.plan import planned
 from jerkbench.jobs.rows import job_rows
 from jerkbench.jobs.run import run_missing

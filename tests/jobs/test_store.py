@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.jobs.manifest import read_manifest, write_manifest
+from jerkbench.jobs.key import read_manifest, write_manifest
 from jerkbench.jobs.store import RowBlock, Store
 from stored_cells import about, row, store_cell, write_blocks
 

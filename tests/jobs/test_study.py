@@ -6,7 +6,7 @@ import pytest
 
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
 from jerkbench.jobs.job import Protocol, build
-from jerkbench.jobs.manifest import write_manifest
+from jerkbench.jobs.key import write_manifest
 from jerkbench.jobs.plan import planned
 from jerkbench.jobs.store import RowBlock, Store
 from jerkbench.jobs.study import load_study, write_study
