@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from jerkbench.evaluation.evaluated_run import prepare_reference
-from jerkbench.jobs.inputs import Inputs, attitude_of, simulated
 from jerkbench.jobs.job import Job, Protocol, build
-from jerkbench.jobs.rows import Task, job_rows
+from jerkbench.jobs.rows import Inputs, Task, attitude_of, job_rows, simulated
 from jerkbench.jobs.run import blocks_of, origin
 from jerkbench.jobs.store import Store, table_of
 from jerkbench.timeline import build_timeline

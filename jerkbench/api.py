@@ -336,8 +336,7 @@ def estimate(
     Raises:
         JerkbenchError: A name is unknown, the parts are not compatible, or the recording lacks an input.
     """
-    from jerkbench.jobs.inputs import attitude_of
-    from jerkbench.jobs.rows import solution
+    from jerkbench.jobs.rows import attitude_of, solution
 
     model = plugin_of("filter", filter)
     model = dataclasses.replace(model, **replaced(type(model), noise_of(noise).plain))

@@ -5,7 +5,7 @@ from jerkbench.compilation.compiled import COMPILED
 from jerkbench.files import cache_folder
 from jerkbench.io.bag import BAGS
 from jerkbench.io.files import fetched_folder
-from jerkbench.jobs.inputs import SIMULATED
+from jerkbench.jobs.rows import SIMULATED
 
 
 @pytest.mark.parametrize("kind", [BAGS, COMPILED, SIMULATED])

@@ -18,10 +18,10 @@ from PIL import Image
 from jerkbench.cli import main
 from jerkbench.errors import JerkbenchError
 from jerkbench.hydra_app.app import conclude_sweep, report_end
-from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.key import read_manifest
 from jerkbench.jobs.plan import planned
+from jerkbench.jobs.rows import shared_inputs
 from jerkbench.jobs.run import run_missing
 from jerkbench.jobs.store import Store
 from jerkbench.jobs.study import load_study
@@ -225,7 +225,7 @@ def test_what_is_no_file_is_not_waited_for(whole, tmp_path, capsys, what):
 
 def test_a_plugin_that_fails_in_an_export_is_a_sentence(whole, tmp_path, capsys, monkeypatch):
     shared_inputs.cache_clear()
-    monkeypatch.setattr("jerkbench.jobs.inputs.simulated", lambda *_: 1 / 0)
+    monkeypatch.setattr("jerkbench.jobs.rows.simulated", lambda *_: 1 / 0)
 
     assert ending(["export", str(whole), "1", "--tum", str(tmp_path)]) == 2
     assert re.search("failed: ZeroDivisionError", capsys.readouterr().err)

@@ -15,7 +15,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.estimate import no_attitude
 from jerkbench.filters.kinematic import ConstantVelocity
 from jerkbench.inspection.facts import facts_text
-from jerkbench.jobs.inputs import attitude_of
+from jerkbench.jobs.rows import attitude_of
 from jerkbench.recording import Position, Recording, Reference, Velocity
 from jerkbench.timeline import build_timeline
 

@@ -16,8 +16,8 @@ from jerkbench.arrays import FloatArray
 from jerkbench.campaign.runs import FaultScenario, MethodSpec, tried_settings, tunable_space
 from jerkbench.campaign.space import Setting, Space
 from jerkbench.errors import PluginError, RecordingError, require_known
-from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.job import Job, Protocol
+from jerkbench.jobs.rows import Inputs
 from jerkbench.parameters import Limit, Limited
 from jerkbench.presets import preset
 from jerkbench.recording import Recording

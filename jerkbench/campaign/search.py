@@ -15,9 +15,9 @@ from jerkbench.campaign.space import Setting, Space, sampler_of
 from jerkbench.campaign.split import Cases
 from jerkbench.contracts import is_attitude_only
 from jerkbench.errors import PluginError, RecordingError, require_known
-from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.progress import Progress
+from jerkbench.jobs.rows import shared_inputs
 from jerkbench.parameters import AT_LEAST_ONE, NOT_NEGATIVE, Limited, RScale
 from jerkbench.recording import Recording
 

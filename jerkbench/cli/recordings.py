@@ -348,7 +348,7 @@ def data_export_command(arguments: argparse.Namespace) -> None:
     """
     from jerkbench.hydra_app.composition import composed
     from jerkbench.io.writing import FORMATS, write_recording, write_reference
-    from jerkbench.jobs.inputs import shared_inputs
+    from jerkbench.jobs.rows import shared_inputs
 
     folder: Path = arguments.folder
     for name in arguments.format:
@@ -430,12 +430,12 @@ def cache_command(arguments: argparse.Namespace) -> None:
     from jerkbench.compilation.compiled import COMPILED
     from jerkbench.files import cache_folder
     from jerkbench.io import bag
-    from jerkbench.jobs import inputs as simulation_cache
+    from jerkbench.jobs.rows import SIMULATED, SIMULATED_PATTERN
 
     for title, name, pattern in (
         ("compiled filters and adaptations", COMPILED, "**/*"),
         ("messages of bags", bag.BAGS, bag.PATTERN),
-        ("simulated recordings", simulation_cache.SIMULATED, simulation_cache.SIMULATED_PATTERN),
+        ("simulated recordings", SIMULATED, SIMULATED_PATTERN),
     ):
         folder = cache_folder(name)
         files = [path for path in sorted(folder.glob(pattern)) if path.is_file()]

@@ -23,10 +23,10 @@ from jerkbench.hydra_app.composition import composed
 from jerkbench.hydra_app.configuration import cluster_of, study_folder
 from jerkbench.hydra_app.overrides import owner, parsed_override
 from jerkbench.jobs.executors import LOCAL, Workers, processors
-from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.names import require_sensible
 from jerkbench.jobs.progress import Progress
+from jerkbench.jobs.rows import shared_inputs
 from jerkbench.presets import take_folders, user_folders
 from jerkbench.recording import Recording
 

@@ -30,7 +30,7 @@ COMPUTING = (
     *("filters", "inertial", "io", "kinematic", "recording", "simulation", "timeline"),
     *("contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman", "numpy_run"),
     *("parameters", "random_streams", "renamed", "campaign/split"),
-    *("jobs/inputs", "jobs/job", "jobs/rows", "report/labels"),
+    *("jobs/job", "jobs/rows", "report/labels"),
     *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "correlated_errors")),
 )
 """Packages and modules that the rows depend on. The code of these modules is part of every key."""

@@ -12,10 +12,9 @@ from jerkbench.arrays import WIDE
 from jerkbench.contracts import Remarking, Requiring, has_methods
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
 from jerkbench.inspection.diagnostics import first_diagnoses
-from jerkbench.jobs.inputs import MAX_CACHED_INPUTS, shared_inputs
 from jerkbench.jobs.job import Job, Scenario, contract_violations
 from jerkbench.jobs.names import refusal
-from jerkbench.jobs.rows import Task, remarks_of, shared_call, streams
+from jerkbench.jobs.rows import MAX_CACHED_INPUTS, Task, remarks_of, shared_call, shared_inputs, streams
 from jerkbench.report.labels import bare
 
 MIN_CHUNKS = 4

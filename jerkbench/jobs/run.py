@@ -25,11 +25,10 @@ import pyarrow as pa
 from jerkbench import plugins
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.jobs.executors import ClusterError, Pool, Workers
-from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.key import code_digest, git_commit, plugin_packages, processor_kind, versions
 from jerkbench.jobs.plan import Plan, chunks_of, missing
 from jerkbench.jobs.progress import Progress
-from jerkbench.jobs.rows import NotedRows, Task, failed_rows, task_rows
+from jerkbench.jobs.rows import NotedRows, Task, failed_rows, shared_inputs, task_rows
 from jerkbench.jobs.store import SEEN_COLUMNS, RowBlock, Store, table_of
 from jerkbench.notices import make_output_plain
 

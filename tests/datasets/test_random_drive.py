@@ -11,7 +11,7 @@ from scipy import stats
 from commands import verb
 from jerkbench.datasets.random_drive import RandomDrive
 from jerkbench.errors import PluginError
-from jerkbench.jobs.inputs import simulated
+from jerkbench.jobs.rows import simulated
 from jerkbench.plugins import create
 from jerkbench.presets import preset
 

@@ -18,7 +18,7 @@ from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.metrics.position import PositionRmse
 from jerkbench.evaluation.metrics.position_bound import Motion, NoiseRows, PositionBound, position_variances
 from jerkbench.filters.kinematic import Baseline, Bias, Jerk
-from jerkbench.jobs.inputs import simulated
+from jerkbench.jobs.rows import simulated
 from jerkbench.timeline import build_timeline
 
 SIGMA = 0.02

@@ -9,10 +9,10 @@ import pytest
 from jerkbench.datasets.field import Field
 from jerkbench.datasets.path import DrivenPath
 from jerkbench.io.files import fingerprint
-from jerkbench.jobs import inputs as simulated
-from jerkbench.jobs.inputs import shared_inputs
+from jerkbench.jobs import rows as simulated
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.plan import planned
+from jerkbench.jobs.rows import shared_inputs
 from jerkbench.jobs.run import run_missing
 from jerkbench.jobs.store import Store
 from jerkbench.recording import Recording

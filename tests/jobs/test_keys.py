@@ -13,9 +13,9 @@ from jerkbench.adaptation.mtf import Mtf
 from jerkbench.datasets.field import Field
 from jerkbench.errors import PluginError
 from jerkbench.jobs import key
-from jerkbench.jobs.inputs import _key
 from jerkbench.jobs.job import metric_names
 from jerkbench.jobs.key import plugin_digest, processor_kind
+from jerkbench.jobs.rows import _key
 from jerkbench.plugins import PACKAGES, _registry
 
 PACKAGE = Path(jerkbench.__file__).parent
@@ -97,7 +97,7 @@ def test_a_metric_and_a_simulation_from_elsewhere_depend_on_their_code(monkeypat
     assert metric_names(["default", "a_foreign_one"]) == (*before, "a_foreign_one")
     assert "a_foreign_one" in metric_names(["all"])
     before = _key(Field(), 1)
-    monkeypatch.setattr("jerkbench.jobs.inputs.plugin_digest", lambda _: "an edit")
+    monkeypatch.setattr("jerkbench.jobs.rows.plugin_digest", lambda _: "an edit")
     assert _key(Field(), 1) != before
 
 

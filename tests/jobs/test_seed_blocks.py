@@ -9,10 +9,9 @@ from commands import swept
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.overrides import seed_options
 from jerkbench.jobs import run as loop
-from jerkbench.jobs.inputs import MAX_CACHED_INPUTS
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.plan import planned
-from jerkbench.jobs.rows import Task, job_rows
+from jerkbench.jobs.rows import MAX_CACHED_INPUTS, Task, job_rows
 from jerkbench.jobs.run import blocks_of, origin, run_missing, work
 from jerkbench.jobs.store import Store
 from jerkbench.jobs.study import load_study

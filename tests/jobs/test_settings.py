@@ -12,10 +12,9 @@ from jerkbench.filters.imm import InteractingMultipleModels
 from jerkbench.filters.kinematic import Jerk
 from jerkbench.filters.rts import RauchTungStriebel
 from jerkbench.jobs import rows as run
-from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
-from jerkbench.jobs.rows import Task, job_rows, task_rows
+from jerkbench.jobs.rows import Task, job_rows, shared_inputs, task_rows
 from jerkbench.parameters import Column, RScale
 from made_jobs import job_with, with_method
 

@@ -10,10 +10,9 @@ import pytest
 
 from jerkbench.filters.kinematic import Jerk
 from jerkbench.jobs.executors import Pool, Workers
-from jerkbench.jobs.inputs import MAX_CACHED_INPUTS
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.plan import Plan, chunks_of, planned
-from jerkbench.jobs.rows import job_rows
+from jerkbench.jobs.rows import MAX_CACHED_INPUTS, job_rows
 from jerkbench.jobs.run import MAX_DEATHS, run_missing
 from jerkbench.jobs.store import Store
 from made_jobs import job_with, with_method
