@@ -25,9 +25,8 @@ from jerkbench.inertial.state import NavigationState
 from jerkbench.inertial.strapdown import mechanise, propagate, sense
 from jerkbench.kinematic.arguments import Called, Output, Rules, Runs, Scoring, Steps, loop_type, record_layout
 from jerkbench.kinematic.loop import all_stopped, give, note_update
-from jerkbench.kinematic.packs import Pack, numbered, stack_runs
 from jerkbench.kinematic.rules import compiled_rule
-from jerkbench.kinematic.runs import Prepared, run_packs, run_trajectory
+from jerkbench.kinematic.runs import Pack, Prepared, numbered, run_packs, run_trajectory, stack_runs
 from jerkbench.kinematic.update import check_definite, fill_innovation, update
 from jerkbench.recording import Imu
 from jerkbench.timeline import Run, Timeline

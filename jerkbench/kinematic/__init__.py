@@ -5,11 +5,10 @@ compiled code, each array element is a vector with one number for each of the ei
 (`jerkbench.compilation.vectors`). A single run uses the same compiled loops, with seven unused numbers in each vector.
 The package contains these modules::
 
-    runs                     starts the runs from Python and returns their results
-    packs, arguments         runs and filters as arrays, and the types of these arrays
+    runs                     packs of runs as arrays, the calls of the compiled loop, and the results
+    arguments                the types of the arrays
     rules                    adaptations as compiled functions that have the same signature
-    loop                     the prediction, and the loop over the steps: prediction, adaptation, update, scoring
+    loop                     the loop over the steps: prediction, adaptation, update, and sums of the errors
     update                   innovation, call of the adaptation, and the equations of the correction
-    scoring                  errors against the reference, summed during a run
     mixture, smoother        the mixture of two filters (`imm`), and the smoother (`rts`)
 """

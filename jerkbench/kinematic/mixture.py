@@ -25,9 +25,8 @@ from jerkbench.kinematic.arguments import (
     record_layout,
 )
 from jerkbench.kinematic.loop import all_stopped, give, note_update, predict
-from jerkbench.kinematic.packs import Pack
 from jerkbench.kinematic.rules import Rule
-from jerkbench.kinematic.runs import Prepared, run_packs, run_trajectory
+from jerkbench.kinematic.runs import Pack, Prepared, run_packs, run_trajectory
 from jerkbench.kinematic.update import (
     adapt_R,
     check_definite,

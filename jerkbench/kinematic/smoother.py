@@ -48,9 +48,8 @@ from jerkbench.kinematic.arguments import (
     record_layout,
 )
 from jerkbench.kinematic.loop import all_stopped, give, note_update, predict, predict_covariance, predict_state
-from jerkbench.kinematic.packs import Pack
 from jerkbench.kinematic.rules import Rule
-from jerkbench.kinematic.runs import Prepared, run_packs, run_trajectory, states_on_axis
+from jerkbench.kinematic.runs import Pack, Prepared, run_packs, run_trajectory, states_on_axis
 from jerkbench.kinematic.update import fill_innovation, solve_back, update
 from jerkbench.timeline import Run, Timeline
 
