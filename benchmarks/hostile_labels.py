@@ -30,7 +30,7 @@ from hostile_programs import with_text
 from hostile_results import QUIET, SWEEP, answered, sign
 from markdown_it import MarkdownIt
 
-from jerkbench.notices import is_plain
+from jerkbench.errors import is_plain
 from jerkbench.report.labels import Labels
 
 PATIENCE_S = 120

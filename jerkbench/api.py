@@ -28,11 +28,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jerkbench import plugins
-from jerkbench.errors import JerkbenchError, PluginError, require_known
+from jerkbench.errors import JerkbenchError, PluginError, notify, require_known
 from jerkbench.estimate import Estimate
 from jerkbench.jobs.job import Job, Protocol, metric_names, replaced
 from jerkbench.jobs.names import Part, choose, is_plugin, job_of_parts, noise_of, plugin_of, require_sensible
-from jerkbench.notices import notify
 from jerkbench.recording import Recording
 
 if TYPE_CHECKING:

@@ -13,8 +13,7 @@ from xml.etree import ElementTree as ET
 import yaml
 from platformdirs import user_cache_path
 
-from jerkbench.errors import JerkbenchError
-from jerkbench.notices import plain
+from jerkbench.errors import JerkbenchError, plain
 
 
 def user_cache_folder() -> Path:

@@ -11,7 +11,6 @@ ORDER = [
         "errors",
         "arrays",
         "files",
-        "notices",
         "parameters",
         "random_streams",
         "renamed",

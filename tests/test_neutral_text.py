@@ -8,9 +8,8 @@ import pandas as pd
 import pytest
 
 from commands import SHORT, verb
-from jerkbench.errors import PluginError
+from jerkbench.errors import PluginError, plain
 from jerkbench.files import write_text
-from jerkbench.notices import plain
 from jerkbench.presets import _VARIABLES_ALLOWED, environment_variable
 from jerkbench.report.writers import csv_text, inert, latex_escaped, markdown_grid, policy, write_rows_csv
 

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from jerkbench import notices, plugins
-from jerkbench.errors import PluginError
-from jerkbench.notices import notify, shared_notices
+from jerkbench import errors, plugins
+from jerkbench.errors import PluginError, notify, shared_notices
 
 
 def refusal(kind, cls):
@@ -75,13 +74,13 @@ def test_a_parameter_may_have_any_name():
     assert not list(plugins.misfits("adaptation", Near))
 
 
-SAY = "from jerkbench.notices import notify; notify('compiling a', 'a'); notify('waiting for a', 'a'); notify('b')"
+SAY = "from jerkbench.errors import notify; notify('compiling a', 'a'); notify('waiting for a', 'a'); notify('b')"
 
 
 @pytest.fixture(autouse=True)
 def fresh(monkeypatch):
-    monkeypatch.setattr(notices, "_GIVEN", set())
-    monkeypatch.delenv(notices.NOTICES_FOLDER, raising=False)
+    monkeypatch.setattr(errors, "_GIVEN", set())
+    monkeypatch.delenv(errors.NOTICES_FOLDER, raising=False)
 
 
 def said_by_another():

@@ -23,14 +23,13 @@ from jerkbench.campaign.stored_files import (
     read_json,
     read_table,
 )
-from jerkbench.errors import JerkbenchError
+from jerkbench.errors import JerkbenchError, notify
 from jerkbench.evaluation.drives_and_tunings import Losses, log_losses
 from jerkbench.files import write_atomically, write_text
 from jerkbench.jobs.executors import Cluster, Workers
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import MANIFEST, code_digest, git_commit, versions
 from jerkbench.jobs.progress import Progress
-from jerkbench.notices import notify
 
 METHOD_COLUMNS = ["filter", "adaptation"]
 JUDGED = -1

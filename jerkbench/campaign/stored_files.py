@@ -11,8 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
-from jerkbench.errors import JerkbenchError
-from jerkbench.notices import is_plain, plain
+from jerkbench.errors import JerkbenchError, is_plain, plain
 
 Test = Callable[[Any], bool]
 

@@ -16,8 +16,7 @@ from typing import Any, cast
 
 from jerkbench.cli import campaigns, plugins, recordings, results
 from jerkbench.cli.arguments import group
-from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with, let_interrupt_through
-from jerkbench.notices import plain_output
+from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with, let_interrupt_through, plain_output
 from jerkbench.presets import take_folders
 
 RUN_HELP = """\

@@ -21,8 +21,8 @@ import numpy as np
 from filelock import FileLock, Timeout
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.errors import notify
 from jerkbench.files import cache_folder
-from jerkbench.notices import notify
 
 COMPILED = "compiled"
 """Name of the cache of compiled code."""

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from jerkbench.compilation.compiled import can_compile
 from jerkbench.contracts import Adaptation, Filter, clocked
 from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.errors import notify
 from jerkbench.estimate import Estimate, Streamed
-from jerkbench.notices import notify
 from jerkbench.plugins import register
 from jerkbench.timeline import Run, Timeline
 

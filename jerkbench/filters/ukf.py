@@ -9,6 +9,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation
+from jerkbench.errors import notify
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.eskf15 import InertialFilter
 from jerkbench.geometry import wrap_angle
@@ -28,7 +29,6 @@ from jerkbench.inertial.state import (
     rotation_exp,
 )
 from jerkbench.inertial.update import heading, velocity_in_body
-from jerkbench.notices import notify
 from jerkbench.parameters import DefaultOrigin, Limit, Provenance, Range
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Recording

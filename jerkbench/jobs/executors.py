@@ -17,8 +17,7 @@ from multiprocessing.process import BaseProcess
 from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
 
-from jerkbench.errors import JerkbenchError
-from jerkbench.notices import shared_notices
+from jerkbench.errors import JerkbenchError, shared_notices
 
 
 class ClusterError(JerkbenchError):

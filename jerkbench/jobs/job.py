@@ -27,11 +27,10 @@ from jerkbench.contracts import (
     ReadingFile,
     has_methods,
 )
-from jerkbench.errors import DISK_FULL, JerkbenchError, PluginError
+from jerkbench.errors import DISK_FULL, JerkbenchError, PluginError, notify
+from jerkbench.errors import plain as plain_text
 from jerkbench.evaluation.evaluated_run import LIMIT_M
 from jerkbench.jobs.key import data_fingerprint, key_of
-from jerkbench.notices import notify
-from jerkbench.notices import plain as plain_text
 from jerkbench.parameters import NOT_NEGATIVE, Limit, Limited, RScale, scale_of
 from jerkbench.plugins import is_builtin, missing_member
 from jerkbench.report.labels import GROUPS, Labels, default_labels

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
-from jerkbench.notices import plain_output, styled
+from jerkbench.errors import plain_output, styled
 
 FIRST_S = 15.0
 """Time from the start until the first line is printed [s]."""

@@ -34,7 +34,7 @@ from jerkbench.contracts import (
     has_methods,
     part_read,
 )
-from jerkbench.errors import JerkbenchError, PluginError
+from jerkbench.errors import JerkbenchError, PluginError, notify, plain
 from jerkbench.estimate import Attitude, Estimate, Streamed, no_attitude
 from jerkbench.evaluation.counted_rows import require_begin
 from jerkbench.evaluation.evaluated_run import (
@@ -52,7 +52,6 @@ from jerkbench.files import Distrusted, cache_folder, forget_oldest, read_truste
 from jerkbench.io.sanitiser import imu_gap_notes
 from jerkbench.jobs.job import Job, Scenario, plugin_errors, reason_of, unfit
 from jerkbench.jobs.key import code_digest, plugin_digest, require_data, versions
-from jerkbench.notices import notify, plain
 from jerkbench.recording import Recording
 from jerkbench.report.labels import bare
 from jerkbench.timeline import RecordedRun, Run, Timeline, build_timeline, scaled_timeline, with_r_scale

@@ -23,14 +23,13 @@ from typing import Any, Generic, Self, TypeVar
 import pyarrow as pa
 
 from jerkbench import plugins
-from jerkbench.errors import JerkbenchError, PluginError
+from jerkbench.errors import JerkbenchError, PluginError, make_output_plain
 from jerkbench.jobs.executors import ClusterError, Pool, Workers
 from jerkbench.jobs.key import code_digest, git_commit, plugin_packages, processor_kind, versions
 from jerkbench.jobs.plan import Plan, chunks_of, missing
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.rows import NotedRows, Task, failed_rows, shared_inputs, task_rows
 from jerkbench.jobs.store import SEEN_COLUMNS, RowBlock, Store, table_of
-from jerkbench.notices import make_output_plain
 
 MAX_CHUNK_S = 10.0
 """Time after which a worker returns its results [s]. The rest of its chunk is sent again, possibly to another worker,

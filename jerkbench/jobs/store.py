@@ -29,13 +29,12 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from jerkbench.arrays import BoolArray, IntArray
-from jerkbench.errors import JerkbenchError
+from jerkbench.errors import JerkbenchError, notify, plain
 from jerkbench.evaluation.evaluated_run import RUN_COLUMNS
 from jerkbench.files import write_atomically
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import ShownSeeds, Stretches, read_manifest
 from jerkbench.jobs.rows import Row
-from jerkbench.notices import notify, plain
 from jerkbench.renamed import new_label
 from jerkbench.report.labels import Labels
 

@@ -15,7 +15,7 @@ import pandas as pd
 import pyarrow as pa
 
 from jerkbench import plugins
-from jerkbench.errors import JerkbenchError, PluginError, shortened, unknown
+from jerkbench.errors import JerkbenchError, PluginError, plain, shortened, unknown
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.evaluated_run import RUN_COLUMNS
 from jerkbench.files import write_atomically
@@ -33,7 +33,6 @@ from jerkbench.jobs.key import (
 )
 from jerkbench.jobs.rows import Row, job_rows, run_seed
 from jerkbench.jobs.store import HEAD_COLUMNS, Store, Stored, frame
-from jerkbench.notices import plain
 from jerkbench.recording import Recording
 from jerkbench.renamed import new_label
 from jerkbench.report.comparisons import SPENDS

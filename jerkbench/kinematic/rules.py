@@ -32,10 +32,10 @@ from jerkbench.contracts import (
     memory_size,
     wants_truth,
 )
+from jerkbench.errors import notify
 from jerkbench.files import write_text
 from jerkbench.kalman import submatrix
 from jerkbench.kinematic.arguments import Rules, called_type
-from jerkbench.notices import notify
 
 PluginMethod = Callable[..., Any]
 

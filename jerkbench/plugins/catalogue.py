@@ -9,8 +9,7 @@ from collections import Counter
 from typing import Any, NamedTuple
 
 from jerkbench import plugins
-from jerkbench.errors import PluginError, unknown
-from jerkbench.notices import notify
+from jerkbench.errors import PluginError, notify, unknown
 from jerkbench.parameters import origins_of, provenance_of, ranges_of
 from jerkbench.presets import preset_files
 

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jerkbench import plugins
+from jerkbench.errors import plain
 from jerkbench.evaluation.correlated_errors import MIN_CORRELATION_TIMES
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.intervals import GEOMETRIC, MEAN, MEDIAN, OUTLIER_FACTOR, share_interval
 from jerkbench.files import write_atomically, write_text
-from jerkbench.notices import plain
 from jerkbench.parameters import provenance_of
 from jerkbench.report.columns import (
     FACTORS,

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from textwrap import shorten, wrap
 from typing import TYPE_CHECKING
 
-from jerkbench.notices import plain, styled
+from jerkbench.errors import plain, styled
 from jerkbench.report.columns import FACTORS, metric_columns, quantity
 from jerkbench.report.summary import GEOMETRIC_NOTE
 from jerkbench.report.table_model import Table, TableCell, arranged, parts

@@ -22,13 +22,12 @@ import pandas as pd
 
 from jerkbench import plugins
 from jerkbench.arrays import BoolArray
-from jerkbench.errors import JerkbenchError
+from jerkbench.errors import JerkbenchError, plain
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import known
 from jerkbench.evaluation.intervals import share_interval
 from jerkbench.files import write_text
 from jerkbench.io.files import is_number
-from jerkbench.notices import plain
 from jerkbench.recording import Recording
 from jerkbench.report.columns import FACTORS
 from jerkbench.report.table_model import ABSENT, Table, TableCell, TextPart, parts

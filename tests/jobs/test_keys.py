@@ -21,7 +21,7 @@ from jerkbench.plugins import PACKAGES, _registry
 PACKAGE = Path(jerkbench.__file__).parent
 RUNNING = ("jobs/rows", "campaign/split")
 NO_NUMBERS = {
-    *("api", "errors", "files", "notices", "places", "presets"),
+    *("api", "errors", "files", "places", "presets"),
     *(f"plugins/{name}" for name in ("__init__", "checks", "members")),
     *(f"jobs/{name}" for name in ("key", "names")),
 }

@@ -11,10 +11,9 @@ from pathlib import Path
 import pytest
 from threadpoolctl import threadpool_info
 
-from jerkbench.errors import PluginError
+from jerkbench.errors import PluginError, notify
 from jerkbench.jobs.executors import LocalExecutor, Workers
 from jerkbench.jobs.run import outcomes
-from jerkbench.notices import notify
 
 
 def run(work, chunks, workers):
@@ -93,7 +92,7 @@ def talk(tasks):
 
 
 def test_workers_print_a_message_once_and_have_one_thread_and_the_garbage_limits_of_a_command(capfd, monkeypatch):
-    monkeypatch.setattr("jerkbench.notices._GIVEN", set())
+    monkeypatch.setattr("jerkbench.errors._GIVEN", set())
     list(run(talk, [[1, 2, 3], [4, 5, 6]], workers=2))
     assert capfd.readouterr().err.count("compiling something") == 1
     assert set(dict(run(habits, [[1], [2]], workers=2)).values()) == {(1, (50_000, 20, 100))}
