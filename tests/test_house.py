@@ -19,7 +19,7 @@ ROOT = Path(jerkbench.__file__).parents[1]
 MAX_FILE_LINES = 500
 """Lines of a file."""
 
-MAX_MODULES, MAX_FOLDERS = 136, 23
+MAX_MODULES, MAX_FOLDERS = 135, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
     "campaign": 1552,
@@ -35,7 +35,7 @@ MAX_CODE = {
     "jobs": 1675,
     "kinematic": 1242,
     "plugins": 735,
-    "report": 2602,
+    "report": 2601,
     "simulation": 586,
 }
 """Lines of code of each package without docstrings, comments, blank lines, imports and plugins. They may only fall."""

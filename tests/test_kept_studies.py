@@ -17,8 +17,7 @@ from commands import verb
 from jerkbench.jobs.store import RowBlock, Store
 from jerkbench.jobs.study import load_study
 from jerkbench.report.columns import varying_factors
-from jerkbench.report.findings import finding
-from jerkbench.report.study_verdicts import study_verdicts
+from jerkbench.report.findings import finding, study_verdicts
 from stored_cells import about, put, row, write_blocks
 
 ROOT = Path(__file__).parents[1]

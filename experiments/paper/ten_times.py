@@ -15,8 +15,7 @@ from jerkbench.evaluation.judgement import LEVEL, Judgement, LogRatios, Verdict,
 from jerkbench.jobs.study import load_study
 from jerkbench.report.columns import varying_factors
 from jerkbench.report.comparisons import Comparison
-from jerkbench.report.findings import method_names
-from jerkbench.report.study_verdicts import study_verdicts
+from jerkbench.report.findings import method_names, study_verdicts
 from jerkbench.report.table_model import number
 
 CLAIMED = 10.0

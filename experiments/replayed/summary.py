@@ -14,7 +14,7 @@ from jerkbench.evaluation.intervals import Centre, Samples, centres
 from jerkbench.evaluation.judgement import Verdict
 from jerkbench.jobs.study import load_study
 from jerkbench.report.comparisons import Comparison
-from jerkbench.report.study_verdicts import study_verdicts
+from jerkbench.report.findings import study_verdicts
 from jerkbench.report.table_model import number
 
 METRIC = "position_rmse_m"

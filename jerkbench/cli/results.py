@@ -24,7 +24,7 @@ from jerkbench.report import Choice
 if TYPE_CHECKING:
     from jerkbench.jobs.study import Study
     from jerkbench.report.changes import StudyComparison
-    from jerkbench.report.study_verdicts import StudyVerdicts
+    from jerkbench.report.findings import StudyVerdicts
 
 NOTHING_COMPARED = (
     "No comparison is possible: each scenario has one method, or lower values of the metric are not better."
@@ -63,7 +63,7 @@ def table_command(arguments: argparse.Namespace) -> None:
     """
     from jerkbench.jobs.study import load_study
     from jerkbench.report.comparisons import parse_baseline
-    from jerkbench.report.study_verdicts import study_verdicts
+    from jerkbench.report.findings import study_verdicts
     from jerkbench.report.summary import main_metric, summarise
     from jerkbench.report.terminal import print_table
     from jerkbench.report.writers import WRITERS
@@ -89,8 +89,7 @@ def _findings(study: "Study", verdicts: "StudyVerdicts", baseline: "Mapping[str,
     If no baseline is given, the text contains the main result of the study, the comparisons over all scenarios, and the
     comparisons with the default baselines.
     """
-    from jerkbench.report.findings import answer, findings
-    from jerkbench.report.study_verdicts import across
+    from jerkbench.report.findings import across, answer, findings
 
     compared = findings(study.rows, verdicts, baseline, every=every)
     if (left := len(compared) - MAX_PRINTED) > 0 and not every:

@@ -40,8 +40,8 @@ from jerkbench.jobs.study import Study, concluded, load_study
 from jerkbench.presets import config_folder, search_path_overrides
 from jerkbench.report import Choice, figures_choice
 from jerkbench.report.comparisons import VerdictRule
+from jerkbench.report.findings import study_verdicts
 from jerkbench.report.labels import Labels
-from jerkbench.report.study_verdicts import study_verdicts
 from jerkbench.report.summary import main_metric, summarise
 
 

@@ -17,6 +17,7 @@ from jerkbench.evaluation.metrics.consistency import EXPECTED_ANEES
 from jerkbench.report.columns import FACTORS, METHOD, SCENARIO_FACTORS, competes, quantity, with_metric
 from jerkbench.report.comparisons import RULE, Comparison, Standing, VerdictRule
 from jerkbench.report.findings import (
+    across,
     against,
     answer,
     findings,
@@ -24,10 +25,10 @@ from jerkbench.report.findings import (
     reference_method,
     rival_names,
     study_baselines,
+    study_verdicts,
 )
 from jerkbench.report.labels import METHOD_PARTS, REUSED, TUNED_SUFFIX
 from jerkbench.report.plots.studies import Picture
-from jerkbench.report.study_verdicts import across, study_verdicts
 from jerkbench.report.summary import TUNED, JobMetadata, main_metric, summarise
 from jerkbench.report.table_model import arranged, number, range_text
 from jerkbench.report.writers import html_table, render

@@ -26,7 +26,7 @@ from jerkbench.report.columns import (
     with_metric,
 )
 from jerkbench.report.comparisons import MAX_PAIRS, family_note, leaders_of
-from jerkbench.report.study_verdicts import StudyVerdicts, is_rival, study_verdicts
+from jerkbench.report.findings import StudyVerdicts, is_rival, study_verdicts
 from jerkbench.report.table_model import ABSENT, Grid, Table, TableCell, Values, arranged, first_of, range_text
 from jerkbench.report.writers import latex, markdown, write_tidy_csv
 

@@ -11,8 +11,7 @@ from jerkbench.jobs.plan import planned
 from jerkbench.jobs.store import RowBlock, Store
 from jerkbench.jobs.study import load_study, write_study
 from jerkbench.report.changes import other_methods, require_alike
-from jerkbench.report.findings import findings
-from jerkbench.report.study_verdicts import study_verdicts
+from jerkbench.report.findings import findings, study_verdicts
 from jerkbench.report.summary import summarise
 from made_jobs import SPEC
 from stored_cells import LABELS, about, put, row, store_cell, write_blocks

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.intervals import Samples, mean_intervals
 from jerkbench.report.columns import METHOD, SCENARIO_FACTORS, competes, quantity, varying_factors
-from jerkbench.report.findings import certain_size
+from jerkbench.report.findings import certain_size, study_verdicts
 from jerkbench.report.plots.style import (
     LOGARITHMIC_FROM,
     MEASURED,
@@ -27,7 +27,6 @@ from jerkbench.report.plots.style import (
     new_figure,
     style_axes,
 )
-from jerkbench.report.study_verdicts import study_verdicts
 from jerkbench.report.summary import main_metric, summarise
 from jerkbench.report.table_model import Table, TableCell
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import t as student
 
 from jerkbench.evaluation.ranks import over_scenarios
-from jerkbench.report.study_verdicts import across, common_runs, study_verdicts
+from jerkbench.report.findings import across, common_runs, study_verdicts
 from jerkbench.report.table_model import number
 
 METRIC = "position_rmse_m"

@@ -8,8 +8,7 @@ import pandas as pd
 import pytest
 
 from jerkbench.evaluation.judgement import Verdict
-from jerkbench.report.findings import LOG_RATIO_ALL_FAILED, answer, certain_size, findings
-from jerkbench.report.study_verdicts import study_verdicts
+from jerkbench.report.findings import LOG_RATIO_ALL_FAILED, answer, certain_size, findings, study_verdicts
 
 SCENES = ("none", "bias", "gnss_outage")
 

@@ -13,8 +13,7 @@ from scipy.stats import ttest_1samp, wilcoxon
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.judgement import Verdict
 from jerkbench.report.comparisons import VerdictRule, leaders_of, parse_baseline
-from jerkbench.report.findings import findings
-from jerkbench.report.study_verdicts import study_verdicts
+from jerkbench.report.findings import findings, study_verdicts
 from jerkbench.report.summary import summarise
 from jerkbench.report.writers import html_table, latex, markdown, tidy_csv
 

@@ -7,8 +7,7 @@ import pandas as pd
 import pytest
 
 from jerkbench.evaluation.judgement import SWAPPED
-from jerkbench.report.findings import findings
-from jerkbench.report.study_verdicts import study_verdicts
+from jerkbench.report.findings import findings, study_verdicts
 from jerkbench.report.summary import summarise
 from made_rows import cell_rows
 

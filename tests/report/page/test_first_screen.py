@@ -4,10 +4,9 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.report import page as room
-from jerkbench.report.findings import answer
+from jerkbench.report.findings import answer, study_verdicts
 from jerkbench.report.page import gallery, matrix, settings
 from jerkbench.report.plots.studies import Picture
-from jerkbench.report.study_verdicts import study_verdicts
 from made_rows import study_rows
 
 
