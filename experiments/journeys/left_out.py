@@ -20,8 +20,7 @@ import pandas as pd
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.campaign.entry import ratio_verdict
-from jerkbench.campaign.runs import CampaignRuns, FaultScenario, MethodSpec, tried_settings, tunable_space
-from jerkbench.campaign.space import Space
+from jerkbench.campaign.runs import CampaignRuns, FaultScenario, MethodSpec, Space, tried_settings, tunable_space
 from jerkbench.evaluation.intervals import median_intervals, quantiles_of_rows
 from jerkbench.evaluation.judgement import sign_p
 from jerkbench.files import write_atomically, write_text

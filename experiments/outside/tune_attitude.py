@@ -14,8 +14,7 @@ import yaml
 
 from jerkbench.campaign.entry import NUMBERS, levels_of, losses_of_drives
 from jerkbench.campaign.protocol import SuiteProtocol, read_suite
-from jerkbench.campaign.runs import CampaignRuns, tried_settings
-from jerkbench.campaign.space import Space, TunableParameter
+from jerkbench.campaign.runs import CampaignRuns, Space, TunableParameter, tried_settings
 from jerkbench.jobs.job import Job, Protocol
 from jerkbench.jobs.names import job_of_parts
 from jerkbench.jobs.progress import Progress

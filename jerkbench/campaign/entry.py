@@ -18,9 +18,8 @@ import yaml
 from jerkbench import plugins
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.campaign.protocol import FROZEN, SuiteProtocol, read_suite, require_recordings
-from jerkbench.campaign.runs import POSITION_ERROR, CampaignRuns, MethodSpec, tried_settings, tunable_space
+from jerkbench.campaign.runs import POSITION_ERROR, CampaignRuns, MethodSpec, Setting, tried_settings, tunable_space
 from jerkbench.campaign.search import log_losses_to
-from jerkbench.campaign.space import Setting
 from jerkbench.campaign.stored_files import (
     Test,
     file_hashes,

@@ -13,8 +13,8 @@ import pandas as pd
 from omegaconf import OmegaConf
 
 from jerkbench.campaign.protocol import digest_of
+from jerkbench.campaign.runs import Space
 from jerkbench.campaign.search import SearchOutcome, Trials, Tuning
-from jerkbench.campaign.space import Space
 from jerkbench.contracts import is_attitude_only
 from jerkbench.evaluation.judgement import DEFEATS, MARGIN, Judgement, Verdict, judged, log_ratios
 from jerkbench.files import filled_template, write_text

@@ -13,8 +13,7 @@ import numpy as np
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
-from jerkbench.campaign.runs import FaultScenario, MethodSpec, tried_settings, tunable_space
-from jerkbench.campaign.space import Setting, Space
+from jerkbench.campaign.runs import FaultScenario, MethodSpec, Setting, Space, tried_settings, tunable_space
 from jerkbench.errors import PluginError, RecordingError, require_known
 from jerkbench.jobs.job import Job, Protocol
 from jerkbench.jobs.rows import Inputs

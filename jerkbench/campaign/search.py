@@ -10,8 +10,7 @@ import pandas as pd
 
 from jerkbench import plugins
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.campaign.runs import CampaignRuns
-from jerkbench.campaign.space import Setting, Space, sampler_of
+from jerkbench.campaign.runs import CampaignRuns, Setting, Space, sampler_of
 from jerkbench.campaign.split import Cases
 from jerkbench.contracts import is_attitude_only
 from jerkbench.errors import PluginError, RecordingError, require_known

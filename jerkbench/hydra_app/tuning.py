@@ -12,9 +12,8 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from jerkbench.campaign.outcome import TUNED_PARTS, name_before, preset_overrides, tunings_table, write_tuning
-from jerkbench.campaign.runs import CampaignRuns
+from jerkbench.campaign.runs import R_STREAMS, CampaignRuns, space_of
 from jerkbench.campaign.search import Budget, Evaluator, Tuning, objective_of, tune
-from jerkbench.campaign.space import R_STREAMS, space_of
 from jerkbench.campaign.split import Cases, Seeds, by_label, by_seeds, by_time
 from jerkbench.contracts import is_attitude_only
 from jerkbench.errors import PluginError, require_known

@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from commands import verb
+from jerkbench.campaign.runs import space_of
 from jerkbench.campaign.search import objective_of
-from jerkbench.campaign.space import space_of
 from jerkbench.campaign.split import Seeds, by_seeds
 from jerkbench.errors import RecordingError
 from jerkbench.jobs.job import Protocol

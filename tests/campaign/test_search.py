@@ -9,9 +9,8 @@ import pytest
 from linear_gaussian import R_POSITION, R_VELOCITY, SIGMA_A, Level, LinearGaussian
 
 from jerkbench.campaign.outcome import budget_curve, indistinct_intervals
-from jerkbench.campaign.runs import CampaignRuns
+from jerkbench.campaign.runs import CampaignRuns, space_of
 from jerkbench.campaign.search import FAILED_RUN, Budget, Evaluator, objective_of, score, search, tune
-from jerkbench.campaign.space import space_of
 from jerkbench.campaign.split import Seeds, by_seeds
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.jobs import run as loop

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from linear_gaussian import Level, LinearGaussian
 
-from jerkbench.campaign.runs import CampaignRuns
+from jerkbench.campaign.runs import CampaignRuns, space_of
 from jerkbench.campaign.search import Budget, Evaluator, objective_of, score, search
-from jerkbench.campaign.space import space_of
 from jerkbench.campaign.split import Excerpt, Seeds, by_label, by_seeds, by_time
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.jobs.job import Protocol
