@@ -19,6 +19,7 @@ from functools import partial
 
 import numpy as np
 
+from jerkbench.evaluation.drives_and_tunings import over_scenarios
 from jerkbench.evaluation.intervals import (
     ENOUGH,
     GEOMETRIC,
@@ -43,7 +44,6 @@ from jerkbench.evaluation.judgement import (
     log_ratios,
 )
 from jerkbench.evaluation.planning import interim_levels, interim_sizes, seeds_needed
-from jerkbench.evaluation.ranks import over_scenarios
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

@@ -32,7 +32,7 @@ from jerkbench.campaign.protocol import SuiteProtocol, read_suite
 from jerkbench.campaign.runs import CampaignRuns, MethodSpec, tried_settings, tunable_space
 from jerkbench.campaign.stored_files import changed_files
 from jerkbench.errors import JerkbenchError, plain
-from jerkbench.evaluation.ranks import rank_range
+from jerkbench.evaluation.drives_and_tunings import rank_range
 from jerkbench.files import write_text
 from jerkbench.jobs.key import data_fingerprint
 from jerkbench.jobs.plan import require_inputs

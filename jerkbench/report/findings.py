@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.evaluation.drives_and_tunings import over_scenarios, rank_range
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.judgement import BY_FAILURES, LEVEL, Judgement, Verdict
-from jerkbench.evaluation.ranks import over_scenarios, rank_range
 from jerkbench.report.columns import (
     FACTORS,
     METHOD,

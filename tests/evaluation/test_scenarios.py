@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from scipy.stats import t
 
-from jerkbench.evaluation.ranks import over_scenarios, rank_range
+from jerkbench.evaluation.drives_and_tunings import over_scenarios, rank_range
 
 
 def drawn(scenarios, seeds, sigmas=(0.3, 0.15, 0.1), seed=3):

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from scipy.stats import t as student
 
-from jerkbench.evaluation.ranks import over_scenarios
+from jerkbench.evaluation.drives_and_tunings import over_scenarios
 from jerkbench.report.findings import across, common_runs, study_verdicts
 from jerkbench.report.table_model import number
 
