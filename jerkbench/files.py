@@ -1,14 +1,13 @@
-"""Atomic writing, files that only this user can write, reading of untrusted YAML, templates, and JUnit files."""
+"""Atomic writing, files that only this user can write, reading of untrusted YAML, and templates."""
 
 import os
 import stat
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple
-from xml.etree import ElementTree as ET
+from typing import Any
 
 import yaml
 from platformdirs import user_cache_path
@@ -216,36 +215,3 @@ def _events(text: str, path: Path) -> Iterator[yaml.Event]:
 def _too_large(path: Path) -> JerkbenchError:
     limits = f"more than {MAX_VALUES} values, or lists that are nested more than {MAX_DEPTH} deep"
     return JerkbenchError(f"{path} has {limits}. An alias (*NAME) counts as all the values that it repeats.")
-
-
-# Results of checks in the JUnit format, which continuous integration services read.
-
-
-class JunitCase(NamedTuple):
-    """The result of one check.
-
-    Attributes:
-        group: Group of the check.
-        name: Name of the check.
-        failures: Messages about failures, empty if the check passed.
-        notes: Messages that are not failures.
-    """
-
-    group: str
-    name: str
-    failures: Sequence[str] = ()
-    notes: Sequence[str] = ()
-
-
-def junit(suite: str, cases: Sequence[JunitCase]) -> str:
-    """Return the text of a JUnit file with one test suite."""
-    failed = sum(bool(case.failures) for case in cases)
-    root = ET.Element("testsuite", name=suite, tests=str(len(cases)), failures=str(failed), errors="0")
-    for case in cases:
-        element = ET.SubElement(root, "testcase", classname=case.group, name=case.name)
-        for message in case.failures:
-            ET.SubElement(element, "failure", message=message).text = message
-        if case.notes:
-            ET.SubElement(element, "system-out").text = "\n".join(case.notes)
-    ET.indent(root)
-    return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"

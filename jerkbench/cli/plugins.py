@@ -69,29 +69,23 @@ def new_command(arguments: argparse.Namespace) -> None:
 
 @command(
     argument("package", help="a folder with a pyproject.toml, or an installed distribution"),
-    argument("--format", choices=("text", "junit"), default="text", help="default: text"),
 )
 def check_command(arguments: argparse.Namespace) -> None:
     """Check whether the plugins of a package satisfy their contracts.
 
       jerkbench check my_rule
-      jerkbench check packages/my_model --format junit
+      jerkbench check packages/my_model
 
     Raises:
         PluginError: The package does not exist, or it has no plugins.
         SystemExit: 1 if a plugin does not satisfy its contract.
     """
-    from jerkbench.files import junit
     from jerkbench.plugins.new import check_package
 
     checked = check_package(arguments.package)
-    if arguments.format == "junit":
-        print(junit(f"jerkbench check {arguments.package}", checked).rstrip())
-    else:
-        for case in checked:
-            lines = [f"error: {message}" for message in case.failures]
-            lines += [f"notice: {message}" for message in case.notes]
-            for line in lines if case.failures else [*lines, "satisfies its contract."]:
-                print(f"{case.group} {case.name}: {line}")
-    if any(case.failures for case in checked):
+    for kind, name, failures, notes in checked:
+        lines = [*(f"error: {message}" for message in failures), *(f"notice: {message}" for message in notes)]
+        for line in lines if failures else [*lines, "satisfies its contract."]:
+            print(f"{kind} {name}: {line}")
+    if any(failures for _, _, failures, _ in checked):
         raise SystemExit(FAILED)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from jerkbench import plugins
 from jerkbench.errors import PluginError, article, require_known
-from jerkbench.files import JunitCase, filled_template, write_text
+from jerkbench.files import filled_template, write_text
 from jerkbench.jobs.job import reason_of
 from jerkbench.plugins.checks import class_problems, problem
 
@@ -58,17 +58,17 @@ def _of_folder(folder: Path) -> Iterator[EntryPoint]:
         yield from (EntryPoint(name, value, group) for name, value in names.items())
 
 
-def check_package(package: str) -> list[JunitCase]:
-    """Check every plugin of a package, which is a folder or a distribution.
+def check_package(package: str) -> list[tuple[str, str, list[str], list[str]]]:
+    """Check every plugin of a package, and return the kind, the name, the failures and the notes of each plugin.
 
-    A failure means that the plugin cannot run or that its results are wrong. A note means that the plugin runs slowly
-    or could not be checked.
+    The package is a folder or a distribution. A failure means that the plugin cannot run or that its results are
+    wrong. A note means that the plugin runs slowly or could not be checked.
 
     Raises:
         PluginError: The package is unknown, or it has no plugin.
     """
     entries = [(entry.group.removeprefix(GROUP), entry) for entry in entry_points_of(package)]
-    return [JunitCase(kind, entry.name, *_findings(kind, entry)) for kind, entry in entries]
+    return [(kind, entry.name, *_findings(kind, entry)) for kind, entry in entries]
 
 
 def _findings(kind: str, entry: EntryPoint) -> tuple[list[str], list[str]]:
