@@ -119,7 +119,7 @@ def configuration(overrides: Sequence[str] = ()) -> dict[str, Any]:
         solution = estimate(recording, filter=config["filter"], attitude=config["attitude"])
 
     Args:
-        overrides: Arguments of `jerkbench run`: GROUP=NAME, KEY=VALUE, --config-dir=DIR and --config-name=NAME.
+        overrides: Arguments of `jerkbench run`: GROUP=NAME, KEY=VALUE and --config-dir=DIR.
 
     Raises:
         JerkbenchError: An override is unknown or has a wrong type, or an option is invalid.

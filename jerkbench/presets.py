@@ -26,45 +26,28 @@ _of_user: list[Path] = []
 """Folders of --config-dir. If a built-in preset has the same name as a preset in these folders, the preset in these
 folders is used."""
 
-main_files: dict[str, Path] = {}
-"""Files that --config-name selects, by name."""
-
 
 def take_folders(arguments: Sequence[str]) -> list[str]:
     """Store the folders of all options ``--config-dir DIR`` of a command line, and return the other arguments.
 
-    The option ``--config-name NAME`` (``-cn``) selects DIR/NAME.yaml as the experiment. Each call replaces the folders
-    of the previous call.
+    Each call replaces the folders of the previous call.
 
     Raises:
-        PluginError: A folder or NAME.yaml does not exist, or two folders have different presets with the same name.
+        PluginError: A folder does not exist, or two folders have different presets with the same name.
     """
     _of_user.clear()
-    main_files.clear()
-    others, names, remaining = [], list[str](), iter(arguments)
+    others, remaining = [], iter(arguments)
     for argument in remaining:
         option, equals, value = argument.partition("=")
-        if option not in ("--config-dir", "-cd", "--config-name", "-cn"):
+        if option not in ("--config-dir", "-cd"):
             others.append(argument)
             continue
         given = value if equals else next(remaining, "")
-        if option in ("--config-name", "-cn"):
-            names.append(given.removesuffix(".yaml"))
-            continue
         if not given or not Path(given).expanduser().is_dir():
             raise PluginError(f"The folder '{given}' does not exist; --config-dir needs a folder of presets.")
         _of_user.append(Path(given).expanduser().resolve())
     _require_no_doubles()
-    for name in names:
-        files = {path.stem: path for folder in reversed(_of_user) for path in sorted(folder.glob("*.yaml"))}
-        if name not in files:
-            known = ", ".join(files) or "none"
-            raise PluginError(
-                f"--config-name {name}: no folder of --config-dir contains {name}.yaml; files there: {known}. Give"
-                " --config-dir DIR, or use a preset of experiments with experiment=NAME."
-            )
-        main_files[name] = files[name]
-    return [*others, *(f"experiment={name}" for name in names)]
+    return others
 
 
 def _require_no_doubles() -> None:
@@ -132,26 +115,6 @@ def require_harmless(path: Path, content: object, *names: str | None) -> None:
         raise PluginError(f"{path} sets options of Hydra. {allowed}; give other options on the command line.")
 
 
-def as_experiment(path: Path) -> dict[str, Any]:
-    """Return a main configuration of the user as an experiment. Its choices replace the choices in conf/config.yaml.
-
-    Raises:
-        PluginError: The file cannot be read, or it sets options of Hydra.
-    """
-    from omegaconf import OmegaConf
-
-    content: Any = OmegaConf.to_container(_read_unresolved(path)[0])
-    require_harmless(path, content)
-    entries = [entry for entry in content.pop("defaults", []) if entry not in ("config", "schema")]
-    choices = [
-        {f"override /{key.split()[-1].removeprefix('/')}": name for key, name in entry.items()}
-        if isinstance(entry, dict)
-        else entry
-        for entry in entries
-    ]
-    return {**content, "defaults": choices}
-
-
 def preset(kind: str, name: str) -> dict[str, Any]:
     """Return the values of conf/KIND/NAME.yaml: the ``defaults`` in order, overridden by the other values in the file.
 
@@ -189,26 +152,16 @@ def merged_values(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any
 
 def _read(path: Path) -> dict[str, Any]:
     from omegaconf import OmegaConf
+    from yaml import YAMLError
 
-    content, variables = _read_unresolved(path)
+    try:
+        content, variables = _parsed(path, path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, YAMLError) as error:
+        raise PluginError(f"{path} cannot be read: {' '.join(str(error).split())}.") from error
     for name in variables:
         environment_variable(name, None)
     values: Any = OmegaConf.to_container(content, resolve=True)
     return values or {}
-
-
-def _read_unresolved(path: Path) -> tuple[Any, list[str]]:
-    """Return the content of a file with unresolved interpolations, and the environment variables that the file reads.
-
-    Raises:
-        PluginError: The file cannot be read.
-    """
-    from yaml import YAMLError
-
-    try:
-        return _parsed(path, path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, YAMLError) as error:
-        raise PluginError(f"{path} cannot be read: {' '.join(str(error).split())}.") from error
 
 
 @lru_cache(maxsize=256)

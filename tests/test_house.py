@@ -23,15 +23,15 @@ MAX_MODULES, MAX_FOLDERS = 133, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
     "campaign": 1552,
-    "cli": 810,
+    "cli": 809,
     "compilation": 427,
     "evaluation": 962,
-    "hydra_app": 717,
+    "hydra_app": 716,
     "hydra_plugins": 15,
     "inertial": 1029,
     "inspection": 1755,
     "io": 2557,
-    "jerkbench": 1707,
+    "jerkbench": 1680,
     "jobs": 1675,
     "kinematic": 1242,
     "plugins": 735,

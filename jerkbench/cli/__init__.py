@@ -46,8 +46,8 @@ not change.
 Other KEYs: study, results, seeds, first_seed, burn_in_s, divergence_limit_m, metrics, workers, cluster, figures,
 figures_pdf, report, notes. --dry prints the planned runs and the combinations that are left out,
 and runs nothing. --config-dir DIR adds a folder with your presets (DIR/dataset/mine.yaml) to any command. The option
-can be given several times. --config-name NAME uses DIR/NAME.yaml as the experiment. Results are in results/STUDY. A
-stored run is not computed again, so the same command continues a sweep that was stopped.
+can be given several times. Results are in results/STUDY. A stored run is not computed again, so the same command
+continues a sweep that was stopped.
 
 A configuration can read an environment variable (${oc.env:NAME}) only if JERKBENCH_ENV=NAME,... lists the variable,
 because the value of the variable appears in names and tables.
@@ -95,7 +95,6 @@ def parser() -> argparse.ArgumentParser:
     root.add_argument("--version", action="version", version=f"jerkbench {version('jerkbench')}")
     presets = "a folder with your presets (DIR/dataset/mine.yaml), for every command; can be given several times"
     root.add_argument("--config-dir", metavar="DIR", help=presets)
-    root.add_argument("--config-name", metavar="NAME", help="use DIR/NAME.yaml as the experiment")
     commands = root.add_subparsers(dest="command", required=True, metavar="COMMAND")
     run = commands.add_parser("run", help="run one combination, or with -m a sweep (jerkbench run --help)")
     for option in ("-m", "--dry", "--cfg"):

@@ -22,7 +22,7 @@ from jerkbench.files import require_small
 from jerkbench.jobs.executors import Cluster, Dask, JobQueue, Local
 from jerkbench.jobs.job import Job, Noise, Protocol, build
 from jerkbench.parameters import RScale
-from jerkbench.presets import as_experiment, config_folder, environment_variable, main_files, preset, require_harmless
+from jerkbench.presets import config_folder, environment_variable, preset, require_harmless
 from jerkbench.renamed import RENAMED, new_name
 from jerkbench.report import Choice, figures_choice
 from jerkbench.report.labels import GROUPS, labels_of
@@ -103,8 +103,6 @@ def register_schemas() -> None:
     for kind, names in RENAMED.items():
         for old, new in names.items():
             store.store(group=kind, name=old, node={"defaults": [new]})
-    for name, path in main_files.items():
-        store.store(group="experiment", name=name, node=as_experiment(path), package="_global_")
     store.store(group="hydra/sweeper", name="jerkbench", node=SWEEPER)
 
 

@@ -11,7 +11,6 @@ from jerkbench.errors import PluginError
 from jerkbench.hydra_app import overrides
 from jerkbench.hydra_app.composition import composed
 from jerkbench.hydra_app.overrides import arranged_overrides
-from jerkbench.presets import take_folders
 
 
 def jobs(*words):
@@ -134,24 +133,10 @@ def test_a_single_run_takes_the_address_of_what_it_has():
 
 @pytest.fixture
 def mine(tmp_path):
-    """A folder of presets with a main configuration, whose choices are written as for Hydra's --config-name."""
+    """A folder with one preset."""
     (tmp_path / "mine" / "filter").mkdir(parents=True)
     (tmp_path / "mine" / "filter" / "quiet.yaml").write_text("defaults: [jerk]\naccel_mps2: 0.3\n")
-    choices = "defaults: [config, {override filter: quiet}, {adaptation: mtf}, _self_]\n"
-    swept_values = "hydra: {sweeper: {params: {disturbance: 'none,outliers'}}}\n"
-    (tmp_path / "mine" / "field_day.yaml").write_text(f"{choices}seeds: 3\nadaptation: {{window: 3}}\n{swept_values}")
     return tmp_path / "mine"
-
-
-def test_config_name_uses_a_main_configuration_of_the_user(mine):
-    given = take_folders(["--config-dir", str(mine), "-cn", "field_day", "dataset.duration_s=20"])
-    plain = composed(given).plain
-    assert (plain["filter"]["accel_mps2"], plain["adaptation"]["window"], plain["seeds"]) == (0.3, 3, 3)
-    done = verb("run", "-m", "--config-name=field_day", "--config-dir", str(mine), "--dry", cwd=mine.parent)
-    assert "2 combinations, 0 complete; 6 runs to compute." in done.stdout, done.stderr
-    wrong = verb("run", "--config-dir", str(mine), "-cn", "night", "--dry", cwd=mine.parent)
-    assert wrong.returncode == 2
-    assert "no folder of --config-dir contains night.yaml; files there: field_day" in wrong.stderr
 
 
 @pytest.mark.parametrize(
