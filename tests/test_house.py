@@ -22,11 +22,11 @@ MAX_FILE_LINES = 500
 MAX_MODULES, MAX_FOLDERS = 133, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
-    "campaign": 1552,
+    "campaign": 1546,
     "cli": 809,
     "compilation": 427,
     "evaluation": 962,
-    "hydra_app": 716,
+    "hydra_app": 715,
     "hydra_plugins": 15,
     "inertial": 1029,
     "inspection": 1755,

@@ -148,7 +148,7 @@ def main() -> None:
         PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), of_page), encoding="utf-8")
         left_out.answer(
             RESULTS,
-            "Real drives of cars, with GNSS errors from 13 recorded traces",
+            "Real drives of cars, to which the GNSS errors of 13 recorded traces were added (partly simulated)",
             "vehicles",
             of_page["average"],
             "trace",

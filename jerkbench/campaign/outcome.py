@@ -13,7 +13,7 @@ import pandas as pd
 from omegaconf import OmegaConf
 
 from jerkbench.campaign.protocol import digest_of
-from jerkbench.campaign.runs import Space
+from jerkbench.campaign.runs import Setting, Space
 from jerkbench.campaign.search import SearchOutcome, Trials, Tuning
 from jerkbench.contracts import is_attitude_only
 from jerkbench.evaluation.judgement import DEFEATS, MARGIN, Judgement, Verdict, judged, log_ratios
@@ -223,39 +223,32 @@ def notes_of_tuning(tuning: Tuning) -> list[str]:
 def write_presets(tuning: Tuning, folder: Path) -> None:
     """Write a preset for each tuned plugin to a subfolder of ``folder``, and an experiment that selects the presets.
 
-    A second experiment selects the settings before the search.
+    Presets and an experiment with names that end in _untuned contain the setting before the search.
     """
-    spec, choices, notes = tuning.job.spec, {}, notes_of_tuning(tuning)
-    before: dict[str, Any] = {"defaults": []}
+    notes = notes_of_tuning(tuning)
+    _write_setting(tuning, folder, "tuned", tuning.setting, notes)
+    _write_setting(tuning, folder, "untuned", tuning.space.start, [f"The setting of {tuning.name} before the tuning."])
+
+
+def _write_setting(tuning: Tuning, folder: Path, state: str, setting: Setting, notes: list[str]) -> None:
+    spec, choices, preset = tuning.job.spec, {}, _name(tuning, state)
     for part in TUNED_PARTS:
-        plugin, values = str(spec[part]["name"]), tuning.space.of_part(part, tuning.setting)
+        plugin, values = str(spec[part]["name"]), tuning.space.of_part(part, setting)
         if values or part != "attitude":
-            choices[part] = _name(tuning) if values else plugin
-            before["defaults"].append({f"override /{part}": plugin})
+            choices[part] = preset if values else plugin
         if values:
             given = {key: value for key, value in spec[part].items() if key != "name"}
             plain = {key: list(value) if isinstance(value, tuple) else value for key, value in given.items()}
-            before[part] = plain
             text = _text(notes[0], {"defaults": [plugin, "_self_"], **plain, **values})
-            write_text(folder / part / f"{_name(tuning)}.yaml", text)
-    factors = tuning.space.of_part("r_scale", tuning.setting)
+            write_text(folder / part / f"{preset}.yaml", text)
+    factors = tuning.space.of_part("r_scale", setting)
     defaults = [{f"override /{part}": preset} for part, preset in choices.items()]
     experiment = {"defaults": [*defaults, "_self_"], **({"r_scale": factors} if factors else {}), "notes": notes}
-    write_text(folder / "experiment" / f"{_name(tuning)}.yaml", f"# @package _global_\n{_text(notes[0], experiment)}")
-    if factors:
-        before["r_scale"] = tuning.space.of_part("r_scale", tuning.space.start)
-    before["defaults"].append("_self_")
-    text = _text("The setting before the search.", before)
-    write_text(folder / "experiment" / f"{name_before(tuning)}.yaml", f"# @package _global_\n{text}")
+    write_text(folder / "experiment" / f"{preset}.yaml", f"# @package _global_\n{_text(notes[0], experiment)}")
 
 
-def name_before(tuning: Tuning) -> str:
-    """Return the name of the experiment that selects the setting before the search."""
-    return f"{tuning.name}_before".replace("-", "_")
-
-
-def _name(tuning: Tuning) -> str:
-    return f"{tuning.name}_tuned".replace("-", "_")
+def _name(tuning: Tuning, state: str = "tuned") -> str:
+    return f"{tuning.name}_{state}".replace("-", "_")
 
 
 def _text(first_line: str, content: dict[str, Any]) -> str:

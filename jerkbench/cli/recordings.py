@@ -84,6 +84,8 @@ def _parameters(settings: Sequence[str]) -> dict[str, Any]:
     """Parse parameters of a data set, written as arguments of `jerkbench run`, with or without ``dataset.``."""
     from jerkbench.hydra_app.overrides import parsed_override
 
+    if wrong := [setting for setting in settings if "=" not in setting]:
+        raise PluginError(f"'{wrong[0]}' is not a parameter; give --set KEY=VALUE.")
     overrides = [parsed_override(_quoted_symbol(setting.removeprefix("dataset."))) for setting in settings]
     return {override.key_or_group: override.value() for override in overrides}
 
@@ -382,8 +384,7 @@ def fetch_command(arguments: argparse.Namespace) -> None:
     if arguments.name is None:
         for public in public_recordings().values():
             folder = fetched_folder(public.name)
-            state = folder if folder.is_dir() else "not fetched"
-            print(f"{public.name}: {public.title} ({public.licence}); {state}")
+            print(f"{public.name}: {public.title} ({public.licence}); {folder if folder.is_dir() else 'not fetched'}")
         return
     recording, folder = public_recording(arguments.name), fetched_folder(arguments.name)
     print(f"{recording.name}: {recording.title}; licence {recording.licence}, {len(recording.files)} files")

@@ -98,8 +98,7 @@ def _findings(study: "Study", verdicts: "StudyVerdicts", baseline: "Mapping[str,
     if baseline or not any(len(standing.rivals) > 1 for standing in standings):
         return "\n".join(compared)
     title, details = answer(standings)
-    several = *details, *across(verdicts), *compared
-    return "\n".join([f"{title.rstrip('.')}.", *several])
+    return "\n".join([f"{title.rstrip('.')}.", *details, *across(verdicts), *compared])
 
 
 def _factors(names: str | None) -> list[str] | None:

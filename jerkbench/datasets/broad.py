@@ -59,17 +59,17 @@ def read_broad_trial(path: Path) -> BroadTrial:
     kind = "a MATLAB file (version 5)" if path.suffix == ".mat" else "an HDF5 file"
     try:
         fields = _fields(path)
-        samples = len(np.atleast_1d(fields.get("imu_acc", ())))
-        accel, gyro, attitude, movement = (_array(path, fields, name, samples) for name in _COLUMNS)
-        rate_hz = float(np.asarray(fields.get("sampling_rate"), dtype=np.float64).item())
     except RecordingError:
         raise
     except Exception as error:  # scipy and h5py raise undocumented errors for damaged files
         reason = f"{type(error).__name__}: {error}"
         raise RecordingError(f"{path} cannot be read as {kind} ({reason}); copy the file again.") from error
-    if not 0 < rate_hz < np.inf:
+    samples = len(np.atleast_1d(fields.get("imu_acc", ())))
+    accel, gyro, attitude, movement = (_array(path, fields, name, samples) for name in _COLUMNS)
+    rate = _numbers(path, fields, "sampling_rate")
+    if rate.size != 1 or not 0 < rate.item() < np.inf:
         raise RecordingError(f"{path}: sampling_rate is {fields.get('sampling_rate')}; it must be a positive number.")
-    return BroadTrial(rate_hz, accel, gyro, attitude, movement[:, 0] > 0)
+    return BroadTrial(rate.item(), accel, gyro, attitude, movement[:, 0] > 0)
 
 
 def _fields(path: Path) -> dict[str, Any]:
@@ -86,13 +86,20 @@ def _array(path: Path, fields: Mapping[str, Any], name: str, samples: int) -> Fl
     columns = _COLUMNS[name]
     if name not in fields:
         raise RecordingError(f"{path} has no field {name}; a trial of BROAD has the fields {', '.join(_COLUMNS)}.")
-    array, wanted = np.asarray(fields[name], dtype=np.float64), (samples, columns)
+    array, wanted = _numbers(path, fields, name), (samples, columns)
     if array.size != samples * columns or len(array) != samples or samples < MIN_SAMPLES:
         raise RecordingError(
             f"{path}: {name} has shape {array.shape}; it must be of shape {wanted}, with {MIN_SAMPLES} or more rows."
         )
     require_possible(f"{path}, {name}", array, _MAX_VALUES[name])
     return array.reshape(wanted)
+
+
+def _numbers(path: Path, fields: Mapping[str, Any], name: str) -> FloatArray:
+    try:
+        return np.asarray(fields.get(name), dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise RecordingError(f"{path}: {name} is not numeric; it must contain numbers.") from error
 
 
 ENDINGS = (".hdf5", ".mat")

@@ -208,9 +208,11 @@ class Comma2k19(FromFiles):
         """
         folder = named_folder(self.folder or "fetched:comma2k19")
         paths = tuple(folder / group / name for group, files in _GROUPS.items() for name in files)
-        for path in (path for path in paths if not path.is_file()):
+        missing = [path for path in paths if not path.is_file()]
+        if missing:
             raise RecordingError(
-                f"There is no file {path}; set folder to the folder of a segment, which contains {_POSE} and {_LOG}."
+                f"There is no file {missing[0]}; set folder to the folder of a segment, which contains"
+                f" {_POSE} and {_LOG}."
             )
         return paths
 

@@ -81,7 +81,10 @@ class TrajectoryFile(TrajectoryForm):
         """True if each seed has a separate file."""
         return SEED in self.file
 
-    random = for_each_seed  # each seed is a separate run, although the recording is the same for all seeds
+    @property
+    def random(self) -> bool:
+        """True if each seed is a separate run, although the recording is the same for all seeds."""
+        return self.for_each_seed
 
     def of_seed(self, seed: int) -> "TrajectoryFile":
         """Return a copy of this filter that reads the file of the seed ``seed``."""

@@ -11,7 +11,7 @@ import numpy as np
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from jerkbench.campaign.outcome import TUNED_PARTS, name_before, preset_overrides, tunings_table, write_tuning
+from jerkbench.campaign.outcome import TUNED_PARTS, preset_overrides, tunings_table, write_tuning
 from jerkbench.campaign.runs import R_STREAMS, CampaignRuns, space_of
 from jerkbench.campaign.search import Budget, Evaluator, Tuning, objective_of, tune
 from jerkbench.campaign.split import Cases, Seeds, by_label, by_seeds, by_time
@@ -185,8 +185,7 @@ def _comparison(
 ) -> list[str]:
     """Return the arguments with which `jerkbench run` runs all tuned methods on ``unused`` runs of the same scenarios.
 
-    A method also runs with its setting before the search, unless the same plugins were tuned several times. The labels
-    of rows contain the names of the plugins, so those rows would have the same labels.
+    Each method also runs with its setting before the search.
 
     Raises:
         PluginError: The methods have different parameters that were not tuned, so that one command cannot run all
@@ -200,9 +199,8 @@ def _comparison(
         raise PluginError("--compare needs equal values of all untuned parameters.")
     folders = [*(folder / tuning.name / "conf" for tuning in tunings), *user_folders()]
     presets = [preset for tuning in tunings for preset in preset_overrides(tuning, typed=False)]
-    parts = [[tuning.job.spec[part]["name"] for part in TUNED_PARTS] for tuning in tunings]
-    once = [tuning for tuning, names in zip(tunings, parts, strict=True) if parts.count(names) == 1]
-    experiments = ",".join([*map(name_before, once), *(preset.partition("=")[2] for preset in presets)])
+    tuned = [preset.partition("=")[2] for preset in presets]
+    experiments = ",".join([*(name.removesuffix("tuned") + "untuned" for name in tuned), *tuned])
     replaced = {argument.partition("=")[0] for argument in unused} | {"seeds"}
     shared = [override for override in typed if override.partition("=")[0] not in replaced]
     run_options = ["-m", *(argument for path in folders for argument in ("--config-dir", str(path)))]

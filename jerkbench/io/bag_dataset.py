@@ -201,9 +201,10 @@ def frame_of(messages: Messages, stated: str) -> BagFrame:
     """Return the frame of positions, where "auto" means ECEF for poses near the Earth's surface, otherwise ENU."""
     if "latitude" in messages.values:
         return "geodetic"
+    require_known("position_frame", stated, POSE_FRAMES)
     if stated == "auto":
         return "ecef" if is_ecef(messages["position"]) else "enu"
-    return stated  # type: ignore[return-value]  # the data sets check their frames
+    return stated  # type: ignore[return-value]  # checked above
 
 
 def _body_axes(frame: BagFrame) -> FloatArray:

@@ -103,8 +103,7 @@ def fix_messages(
 
 def velocity_messages(make: Maker, velocity: Velocity) -> Iterator[Stamped]:
     """Yield velocities in the frame of the recording. An axis that was not measured has the variance -1."""
-    present = np.isfinite(velocity.mps)
-    rows = zip(velocity.t_s, velocity.mps, velocity.covariance_m2ps2, present, strict=True)
+    rows = zip(velocity.t_s, velocity.mps, velocity.covariance_m2ps2, np.isfinite(velocity.mps), strict=True)
     for t, mps, covariance, measured in rows:
         six = np.zeros((6, 6))
         six[:3, :3] = np.where(np.outer(measured, measured), covariance, np.diag(np.where(measured, 0.0, NOT_MEASURED)))

@@ -225,8 +225,10 @@ def require_possible(where: str, values: FloatArray, most: float) -> None:
         RecordingError: an absolute value exceeds ``most``. The error message names ``where`` and the first row with
             such a value.
     """
-    for row in np.flatnonzero(beyond(values.reshape(len(values), -1), most)):
-        raise RecordingError(f"{where}, row {row + 1} has a value beyond {most:g}; it is damaged or in another unit.")
+    rows = np.flatnonzero(beyond(values.reshape(len(values), -1), most))
+    if len(rows):
+        name = f"{where}, row {rows[0] + 1}"
+        raise RecordingError(f"{name} has a value beyond {most:g}; it is damaged or in another unit.")
 
 
 def beyond(values: FloatArray, most: float) -> BoolArray:

@@ -382,8 +382,7 @@ def _pos_utc_ns(columns: Columns, clock: str, gpst_minus_utc_s: float) -> IntArr
             f"{columns.where}: the first columns are not {clock} stamps; expected a date and a time such as 2025/07/08"
             " 19:34:18.499, or a week and a time of week such as 2374 243258.499."
         )
-    ahead_ns = leap_ns if clock == "GPST" else 0
-    return np.where(dates_ns == MAX_DATE_NS, dates_ns, dates_ns - ahead_ns)
+    return np.where(dates_ns == MAX_DATE_NS, dates_ns, dates_ns - (leap_ns if clock == "GPST" else 0))
 
 
 def _covariance(

@@ -357,8 +357,7 @@ def _places(columns: Columns, form: TrajectoryForm, recording: Recording) -> Flo
             f"{columns.where} has the frame {form.frame}, but {recording.name} has no origin; write local coordinates"
             " (filter.frame=enu or filter.frame=ned)."
         )
-    values = columns.finite(form.position or _PLACES[form.frame])
-    places = in_degrees(values, form.frame, form.angle_unit)
+    places = in_degrees(columns.finite(form.position or _PLACES[form.frame]), form.frame, form.angle_unit)
     for row in np.flatnonzero(off_earth(places, form.frame)):
         raise RecordingError(f"{columns.where}, row {row + 1} has {OFF_EARTH}; correct the row, the frame or the unit.")
     return in_enu(places, form.frame, recording.origin)

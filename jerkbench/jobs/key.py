@@ -140,7 +140,7 @@ MAX_HASHED_BYTES = 64_000_000
 
 
 _THIS_PROCESS = secrets.token_hex(32)
-"""The hash of plugins without a source file, which is different in each process."""
+"""The hash of plugins without a source file, which is different each time that jerkbench is started."""
 
 
 @cache

@@ -10,7 +10,7 @@ from jerkbench import plugins
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.parameters import scale_of
 
-TUNED_SUFFIX = ", tuned"
+TUNED_SUFFIX, UNTUNED_SUFFIX = ", tuned", ", untuned"
 """Suffix of the label of a filter whose preset was written by `jerkbench tune`."""
 REUSED = "The presets were tuned on the seeds "
 """Start of the note about runs with seeds that a tuning used."""
@@ -65,14 +65,15 @@ def tuned_method(spec: Mapping[str, Any], choices: Mapping[str, Any]) -> dict[st
 
     A method is tuned if the preset of its filter or its adaptation has a name such as baseline_mtf_tuned. The labels
     contain the names of the plugins instead of the presets, so that tables compare tuned methods with default methods.
+    The ending _untuned marks the settings before the tuning.
     """
     filter_, adaptation = (str(spec[kind]["name"]) for kind in ("filter", "adaptation"))
-    name = re.compile(rf"{re.escape(filter_)}_{re.escape(adaptation)}(?:_(\d+))?_tuned")
+    name = re.compile(rf"{re.escape(filter_)}_{re.escape(adaptation)}(?:_(\d+))?_((?:un)?tuned)")
     matches = [match for kind in ("filter", "adaptation") if (match := name.fullmatch(str(choices[kind])))]
     if not matches:
         return {}
-    number = f" {matches[0][1]}" if matches[0][1] else ""
-    return {"filter": f"{filter_}{number}{TUNED_SUFFIX}", "adaptation": adaptation}
+    number, state = matches[0].groups()
+    return {"filter": f"{filter_}{f' {number}' if number else ''}, {state}", "adaptation": adaptation}
 
 
 def _noise_label(spec: dict[str, Any], choices: Mapping[str, Any], changed: dict[str, list[str]]) -> str:
@@ -193,7 +194,7 @@ def with_distinct_labels(labels: Sequence[dict[str, str]], known: Sequence[Condi
         names = (part, "noise") if part == "filter" else (part,)  # the noise belongs to the filter
         groups: dict[tuple[str, ...], list[int]] = {}
         for index, label in enumerate(unchanged):
-            tuned = part in METHOD_PARTS and label["filter"].endswith(TUNED_SUFFIX)
+            tuned = part in METHOD_PARTS and label["filter"].endswith((TUNED_SUFFIX, UNTUNED_SUFFIX))
             names_of_job = (*names, *METHOD_PARTS) if tuned else names
             groups.setdefault(tuple(label[name] for name in names_of_job), []).append(index)
         for (label_of_part, *_), places in groups.items():

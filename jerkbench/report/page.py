@@ -27,7 +27,7 @@ from jerkbench.report.findings import (
     study_baselines,
     study_verdicts,
 )
-from jerkbench.report.labels import METHOD_PARTS, REUSED, TUNED_SUFFIX
+from jerkbench.report.labels import METHOD_PARTS, REUSED, TUNED_SUFFIX, UNTUNED_SUFFIX
 from jerkbench.report.plots.studies import Picture
 from jerkbench.report.summary import TUNED, JobMetadata, main_metric, summarise
 from jerkbench.report.table_model import arranged, number, range_text
@@ -322,7 +322,8 @@ def _budget(cells: Sequence[JobMetadata]) -> Answered:
         return None, "No method has a parameter."
     if budgets := sorted(set[str]().union(*notes.values()) - {""}):
         tuned_names = {label.replace(TUNED_SUFFIX, "") for label in notes if TUNED_SUFFIX in label}
-        untuned = ", ".join(method for method, of in notes.items() if "" in of and method not in tuned_names)
+        others = {method: method.replace(UNTUNED_SUFFIX, "") for method, of in notes.items() if "" in of}
+        untuned = ", ".join(method for method, name in others.items() if name not in tuned_names)
         return len(budgets) == 1 and not untuned, " ".join(budgets) + f" Not tuned: {untuned}." * bool(untuned)
     passed = len({count for of in counts.values() for count in of}) == 1 and min(counts.values())[0] >= MIN_SETTINGS
     text = ", ".join(f"{method} {range_text(of)}" for method, of in counts.items())

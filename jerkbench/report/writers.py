@@ -359,8 +359,7 @@ def write_tum_pair(folder: Path, recording: Recording, estimate: Estimate, count
     for name, (position_m, angles_rad) in trajectories.items():
         quaternion = Rotation.from_euler("ZYX", angles_rad[:, ::-1]).as_quat()
         table = pd.DataFrame(np.column_stack([t_s, position_m, quaternion]))
-        text = table.to_csv(sep=" ", header=False, index=False, lineterminator="\n")
-        write_text(folder / f"{name}.tum", text)
+        write_text(folder / f"{name}.tum", table.to_csv(sep=" ", header=False, index=False, lineterminator="\n"))
     return [folder / f"{name}.tum" for name in trajectories]
 
 

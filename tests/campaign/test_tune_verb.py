@@ -142,10 +142,24 @@ def test_compare_tunes_all_methods_and_runs_them_on_unused_seeds(tmp_path):
     assert done.returncode == 0, done.stderr
 
     rows = pd.read_csv(tmp_path / "results/one/rows.csv")
-    filters = ("baseline", "baseline, tuned", "jerk", "jerk, tuned")
+    filters = ("baseline, untuned", "baseline, tuned", "jerk, untuned", "jerk, tuned")
     methods = {(name, rule) for name in filters for rule in ("none", "chi2")}
     assert set(rows[["filter", "adaptation"]].itertuples(index=False, name=None)) == methods
     assert set(rows["seed"]) == {4, 5}  # 0 to 3 are of the tuning
+
+
+def test_settings_before_tuning_have_the_scenario_of_the_tuned_settings_also_if_r_is_scaled(tmp_path):
+    words = ["filter=baseline", "adaptation=mtf", "adaptation.mtf.window=1,4", "r_scale.position=2", *FAST]
+    done = verb("tune", "-m", *words, "study=one", "--compare", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+
+    rows = pd.read_csv(tmp_path / "results/one/rows.csv")
+    assert set(rows["filter"]) == {f"baseline {k}, {state}" for k in (1, 2) for state in ("tuned", "untuned")}
+    assert set(rows["noise"]) == {"default"}
+    stored, _ = Store(tmp_path / "results/one").read()
+    before = {one.metadata["labels"]["filter"]: one.metadata["spec"] for one in stored}
+    assert [before[f"baseline {k}, untuned"]["adaptation"]["window"] for k in (1, 2)] == [1, 4]
+    assert before["baseline 1, untuned"]["r_scale"]["position"] == 2
 
 
 def test_a_tuning_that_makes_a_method_worse_is_named():
