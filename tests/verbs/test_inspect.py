@@ -65,7 +65,7 @@ def test_what_is_no_source_is_a_sentence(tmp_path, typed):
     [
         (["inspect", "field", "--figure", "a.weird"], "There is no suffix of a figure '.weird'"),
         (["convert", "field", "file/a.csv"], "jerkbench: file cannot be read or written: File exists; correct the"),
-        (["convert", "field", "a.csv", "--set", "duration"], "'duration' cannot be read; give KEY=VALUE"),
+        (["convert", "field", "a.csv", "--set", "duration"], "'duration' is not a parameter; give --set KEY=VALUE"),
         (["convert", "field", "a.csv", "--set", "durations_s=3"], "Did you mean 'duration_s'?"),
     ],
 )
