@@ -218,7 +218,8 @@ def reader(tmp_path_factory):
     car_log(folder)
     (folder / "experiment").mkdir()
     (folder / "experiment" / "mine.yaml").write_text(pages.blocks("own_log", "yaml")[0])
-    return folder, {line: typed_log(shlex.split(line)[1:], folder) for line in pages.lines("own_log")}
+    typed = [line for line in pages.lines("own_log") if line.startswith("jerkbench ")]
+    return folder, {line: typed_log(shlex.split(line)[1:], folder) for line in typed}
 
 
 def typed_log(words, folder):

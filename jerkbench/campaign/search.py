@@ -86,7 +86,7 @@ class Objective:
 
 _RMSE = "position RMSE as a ratio to the plain filter of the same model, geometric mean; a failed run counts 100"
 _INCLINATION = "inclination RMSE as a ratio to mekf at its defaults, geometric mean; a failed run counts 100"
-_LIKELIHOOD = "nats an update by which the measurements are less likely than under the plain filter of the same model"
+_LIKELIHOOD = "negative log-likelihood of an update [nats], minus the value of the plain filter; lower is better"
 _NO_POSITION = "position; use objective=likelihood, withhold fixes (disturbance=withhold), or objective=inclination"
 _NO_ATTITUDE = "attitude, so objective=inclination is not possible; give a data set with a reference attitude"
 OBJECTIVES = {

@@ -127,8 +127,8 @@ def _tables(arguments: argparse.Namespace) -> list[Path]:
         return paths
     if getattr(arguments, "preset", None) is not None or len(paths) > 1:
         other = next((path for path in paths if path not in tables), paths[0])
-        needed = "tables (.csv, .pos, NMEA, GPX) without --dataset"
-        raise JerkbenchError(f"--preset and several files need {needed}; {other} is not such a table.")
+        why = "is not such a table" if other.exists() or not other.suffix else "does not exist; correct the path"
+        raise JerkbenchError(f"--preset and several files need tables (CSV, NMEA, GPX), no --dataset; {other} {why}.")
     return []
 
 

@@ -142,6 +142,7 @@ def tune_all(overrides: Sequence[str], *, several: bool, compare: bool = False) 
     unseen = [f"first_seed={first}", f"seeds={options.test_seeds}"] if (first := cases[0].next_seed) else []
     burn_in_s = max([jobs[0][0].protocol.burn_in_s, *(options.share * drive.duration_s for drive in drives)])
     unseen += [f"burn_in_s={burn_in_s:.6g}"] if _split_of(options, jobs[0]) == "time" else []
+    unseen += ["disturbance=withhold"] if no_reference else []
     unused = _unused_runs(options, jobs[0], drives, unseen, withhold=no_reference) if compare else []
     with workers, Progress(len(names) * budget.trials, doing="Tuning", unit="settings") as progress:
         tune_one = partial(tune, budget=budget, advance=partial(progress.advance, ()))
@@ -176,7 +177,6 @@ def _unused_runs(
         raise PluginError("--compare with split=time needs recordings of similar lengths; compare each recording.")
     if withhold:
         print("The log has no reference: the comparison withholds three of four fixes, and uses them as the reference.")
-        arguments.append("disturbance=withhold")
     return arguments
 
 

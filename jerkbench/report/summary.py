@@ -230,7 +230,7 @@ def _worse_than_fixes(rows: "pd.DataFrame") -> list[str]:
         floor = methods[methods.index.get_level_values("filter") == GNSS_ONLY].min()
         worse = methods[methods > WORSE_RATIO * floor].sort_values(ascending=False, kind="stable")
         names = ["+".join(name for name in labels[3:] if name not in ("none", "default")) for labels in worse.index]
-        if names:
+        if names and floor > 0:  # the error of gnss_only at its own fixes is 0
             losing.append(f"{', '.join(scenario)}: {first_of(names, MAX_NAMED)}")
     return [f"Worse than {GNSS_ONLY}, which has no IMU: {first_of(losing, MAX_NAMED, '; ')}."] if losing else []
 

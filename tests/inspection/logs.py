@@ -5,7 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 
-FRD = np.diag([1.0, -1.0, -1.0])
+from commands import experiment
+
+example = experiment("../examples/example_log.py")
+FRD, GAP_S, LATE_S, SIGMA_M, START_S = example.FRD, example.GAP_S, example.LATE_S, example.SIGMA_M, example.START_S
 NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
@@ -57,52 +60,16 @@ def kitti_like(recording, geodetic):
     return pd.DataFrame(data)
 
 
-LATE_S, GAP_S, SIGMA_M = 0.3, (120.0, 128.0), np.array([0.03, 0.03, 0.06])
-START_S = 1_715_695_200.0  # 14 May 2024, 14:00 UTC
+def gps_week(seconds):
+    gps_s = START_S + seconds - 315_964_800 + 18
+    return {"GPS Week": (gps_s // 604_800).astype(int), "TOW (s)": np.round(gps_s % 604_800, 4)}
 
 
 def car_log(folder, *, week=False, seed=7):
-    """Three files of a car in town, by closed forms: an IMU in g, deg/s and FRD that is late, fixes with sigmas in mm
-    and without those of 8 s, and the truth; it stands for the first ten seconds. With what is true of it."""
-    draw, t_s = np.random.default_rng(seed), np.arange(24_000) / 100
-    moving = np.clip((t_s - 10) / 5, 0, 1)
-    speed = moving * (8 + 3 * np.sin(2 * np.pi * t_s / 37) + 1.5 * np.sin(2 * np.pi * t_s / 11))
-    turn = moving * (0.25 * np.sin(2 * np.pi * t_s / 23) + 0.15 * np.sin(2 * np.pi * t_s / 9))
-    yaw = 0.4 + np.cumsum(turn) / 100
-    true_m = np.cumsum(np.column_stack([speed * np.cos(yaw), speed * np.sin(yaw), 0 * t_s]), axis=0) / 100
-    force = np.column_stack([np.gradient(speed, t_s), speed * turn, np.full(len(t_s), 9.80665)])
-    force += draw.normal(0, 0.05, force.shape)
-    rate = np.column_stack([0 * turn, 0 * turn, turn]) + draw.normal(0, 0.002, force.shape)
-    fixes = np.flatnonzero((np.arange(len(t_s)) % 20 == 0) & ((t_s < GAP_S[0]) | (t_s > GAP_S[1])))
-
-    def stamped(seconds, **values):
-        gps_s = START_S + seconds - 315_964_800 + 18
-        weeks = {"GPS Week": (gps_s // 604_800).astype(int), "TOW (s)": np.round(gps_s % 604_800, 4)}
-        return pd.DataFrame({**(weeks if week else {"timestamp": np.round(START_S + seconds, 4)}), **values})
-
-    def places(enu_m):
-        """By the radii of curvature of WGS-84 at 48 degrees north."""
-        latitude, e2, a = np.radians(48.0), 6.69437999014e-3, 6_378_137.0
-        normal = a / np.sqrt(1 - e2 * np.sin(latitude) ** 2)
-        meridian = normal * (1 - e2) / (1 - e2 * np.sin(latitude) ** 2)
-        east = 11.0 + np.degrees(enu_m[:, 0] / ((normal + 500) * np.cos(latitude)))
-        return {"lat": 48.0 + np.degrees(enu_m[:, 1] / (meridian + 500)), "lon": east, "alt": 500 + enu_m[:, 2]}
-
-    imu = columns(["acc_x_g", "acc_y_g", "acc_z_g"], force @ FRD / 9.80665)
-    imu |= columns(["gyro_x_dps", "gyro_y_dps", "gyro_z_dps"], np.degrees(rate @ FRD))
-    measured = true_m[fixes] + draw.normal(0, 1, (len(fixes), 3)) * SIGMA_M
-    sigma = dict(zip(["sde_mm", "sdn_mm", "sdu_mm"], 1000 * SIGMA_M, strict=True))
-    tables = {
-        "imu.csv": stamped(t_s + LATE_S, **imu),
-        "gnss.csv": stamped(t_s[fixes], **places(measured), **sigma),
-        "truth.csv": stamped(t_s[::10], **places(true_m[::10])),
-    }
-    for name, table in tables.items():
-        table.to_csv(folder / name, index=False)
-    paths = [folder / name for name in tables]
-    return SimpleNamespace(
-        paths=paths, force_mps2=force, rate_radps=rate, fix_s=t_s[fixes], true_m=true_m[::10] - true_m[0]
-    )
+    """The log of the tutorial, and what is true of it."""
+    names = ("paths", "force_mps2", "rate_radps", "fix_s", "true_m")
+    written = example.write_log(folder, seed, gps_week if week else example.unix_time)
+    return SimpleNamespace(**dict(zip(names, written, strict=True)))
 
 
 def car_bag(folder, target):
