@@ -200,7 +200,7 @@ def _comparison(
     folders = [*(folder / tuning.name / "conf" for tuning in tunings), *user_folders()]
     presets = [preset for tuning in tunings for preset in preset_overrides(tuning, typed=False)]
     tuned = [preset.partition("=")[2] for preset in presets]
-    experiments = ",".join([*(name.removesuffix("tuned") + "untuned" for name in tuned), *tuned])
+    experiments = ",".join(f"{name.removesuffix('tuned')}untuned,{name}" for name in tuned)
     replaced = {argument.partition("=")[0] for argument in unused} | {"seeds"}
     shared = [override for override in typed if override.partition("=")[0] not in replaced]
     run_options = ["-m", *(argument for path in folders for argument in ("--config-dir", str(path)))]

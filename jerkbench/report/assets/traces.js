@@ -42,6 +42,7 @@
         { label: "time", value: (_, t) => (t === null ? "–" : `${t.toFixed(1)} s`) },
         ...series.map((one) => ({ label: one.name, stroke: one.colour, dash: one.dash, width: 1.4, points: { show: false }, value: (_, v) => short(v) })),
       ],
+      legend: { markers: { dash: (_, k) => (k && series[k - 1].dash.length ? "dashed" : "solid") } },
       hooks: {
         drawClear: [shade(scenario)],
         setScale: [(plot, key) => key === "x" && scaled(plot, zoomed)],
@@ -100,7 +101,7 @@
     const ratio = [{ name: `${b.name} / ${a.name}`, colour: ink("--ink"), dash: [], values: quotient }];
     plots = [];
     const upper = plotted(byId("trace-error"), scenario, series, "Position error [m]", { log, height: 300, zoomed: together });
-    const lower = plotted(byId("trace-ratio"), scenario, ratio, "second / first", { log: true, height: 190, zoomed: together });
+    const lower = plotted(byId("trace-ratio"), scenario, ratio, "Ratio of the errors", { log: true, height: 190, zoomed: together });
     plots = [upper, lower];
     if (kept && scenario === draw.scenario) upper.setScale("x", { min: kept.min, max: kept.max });
     draw.scenario = scenario;
