@@ -83,8 +83,8 @@ def _reference_settings(path: Path, overrides: list[str]) -> dict[str, Any]:
     names = ("file", "time", "time_unit", "frame")
     settings |= {f"reference_{name}": settings[key] for name in names if (key := f"position_{name}") in settings}
     settings |= {"reference_position": settings.get("position_columns", ()), "drop_leaps": False, "imu_file": ""}
-    settings |= {"velocity_file": "", "reference_source": f"{path.name} (reference_independent=true is not set)"}
     typed = {override.partition("=")[0].removeprefix("dataset.") for override in overrides}
+    settings |= {"velocity_file": "", "reference_source": f"{path.name} (see dataset.reference_independent)"}
     return {f.name: settings[f.name] for f in fields(Tables) if f.name in settings and f.name not in typed}
 
 

@@ -214,8 +214,8 @@ def rerun_command(arguments: argparse.Namespace) -> None:
     title = f"{', '.join(row.job.labels)}, {row.row['replicate']} {row.draw}"
     print_grid(title, ["", "stored", "new", ""], lines, notes)
     differing = marks.count("differs")
-    largest = f"{max(differences, default=0.0):.2g}"
-    print(f"{differing} of {len(numbers)} numbers differ. The largest relative difference is {largest}.")
+    largest = max(differences, default=0.0)
+    print(f"{differing} of {len(numbers)} numbers differ. The largest relative difference is {largest:.2g}.")
     if differing:
         raise SystemExit(FAILED)
 

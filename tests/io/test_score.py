@@ -103,7 +103,9 @@ def rmse(done, folder):
 def test_a_trajectory_is_scored_against_another_and_a_missing_one_is_a_sentence(tmp_path, start_s):
     done = verb("score", "est.tum", "--reference", "ref.tum", cwd=tmp_path)
     assert rmse(done, tmp_path) == [pytest.approx(5.0, abs=1e-3)]
-    assert "ref.tum, as it is given" in done.stdout
+    assert "ref.tum (see dataset.reference_independent); not independent of the measurements" in done.stdout
+    done = verb("score", "est.tum", "--reference", "ref.tum", "dataset.reference_independent=true", cwd=tmp_path)
+    assert "ref.tum (see dataset.reference_independent); independent of the measurements" in done.stdout
     done = verb("score", "est.tum", "--reference", "nowhere.tum", cwd=tmp_path)
     assert (done.returncode, "The reference nowhere.tum does not exist" in done.stderr) == (2, True)
 
