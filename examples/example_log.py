@@ -67,4 +67,7 @@ def write_log(folder, seed=7, stamps=unix_time):
 
 
 if __name__ == "__main__":
-    write_log(Path(sys.argv[1] if len(sys.argv) > 1 else "."))
+    target = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
+    if present := [name for name in ("imu.csv", "gnss.csv", "truth.csv") if (target / name).exists()]:
+        sys.exit(f"{target / present[0]} already exists; give another folder.")
+    write_log(target)

@@ -1,4 +1,4 @@
-"""The search space of a method, and the computation of the runs of tunings, suites and audits.
+"""Methods and their search spaces, scenarios, and the computation of the runs of tunings, suites and audits.
 
 The search space consists of the tunable parameters of a method. Samplers select values of these parameters (settings).
 """

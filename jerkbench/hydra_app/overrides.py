@@ -24,7 +24,7 @@ NAMED_GROUPS = (*GROUPS, "disturbance", "noise", "experiment", "cluster")
 """Groups whose value is the name of a plugin or preset."""
 
 REFUSED = {
-    "config_name": "use --config-dir DIR experiment=NAME",
+    "config_name": "use --config-dir DIR experiment=NAME with the file DIR/experiment/NAME.yaml",
     "config_path": "give --config-dir DIR to use your presets",
     "experimental_rerun": "use `jerkbench rerun DIR ROW`",
     "shell_completion": "see docs/installation.md",

@@ -142,7 +142,7 @@ def tune_all(overrides: Sequence[str], *, several: bool, compare: bool = False) 
     unseen = [f"first_seed={first}", f"seeds={options.test_seeds}"] if (first := cases[0].next_seed) else []
     burn_in_s = max([jobs[0][0].protocol.burn_in_s, *(options.share * drive.duration_s for drive in drives)])
     unseen += [f"burn_in_s={burn_in_s:.6g}"] if _split_of(options, jobs[0]) == "time" else []
-    unseen += ["disturbance=withhold"] if no_reference else []
+    unseen += ["disturbance=withhold"] * (no_reference and {"disturbance", "experiment"}.isdisjoint(map(owner, shared)))
     unused = _unused_runs(options, jobs[0], drives, unseen, withhold=no_reference) if compare else []
     with workers, Progress(len(names) * budget.trials, doing="Tuning", unit="settings") as progress:
         tune_one = partial(tune, budget=budget, advance=partial(progress.advance, ()))

@@ -1,6 +1,6 @@
 """A job: one combination of a scenario and a method, with the metrics, the parameters of the scoring and the seeds.
 
-The module also converts the exceptions of the plugins of a job to error messages.
+The module also checks whether the plugins of a job satisfy their contracts, and converts their exceptions to messages.
 """
 
 import dataclasses

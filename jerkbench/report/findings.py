@@ -1,4 +1,4 @@
-"""The verdicts of a study, and generated text: the main result, and comparisons of methods over scenarios.
+"""The verdicts of a study, and generated text: the main result, and comparisons of methods in and over scenarios.
 
 All pairs of methods are tested once, and all tables and the report use these verdicts.
 """

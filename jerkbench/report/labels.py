@@ -11,7 +11,7 @@ from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.parameters import scale_of
 
 TUNED_SUFFIX, UNTUNED_SUFFIX = ", tuned", ", untuned"
-"""Suffix of the label of a filter whose preset was written by `jerkbench tune`."""
+"""Suffixes of the labels of filters with the tuned setting, and with the setting before the tuning."""
 REUSED = "The presets were tuned on the seeds "
 """Start of the note about runs with seeds that a tuning used."""
 

@@ -295,6 +295,10 @@ def test_a_comparison_on_a_log_without_reference_withholds_fixes_in_the_part_tha
     assert done.returncode == 0, done.stderr
     assert "Objective: likelihood" in done.stdout
     assert f"burn_in_s={0.5 * t_s[-1]:g}" in printed(done.stdout)  # the first half was used for tuning
+    assert "disturbance=withhold" in printed(done.stdout)
+    typed = ["disturbance=none", "figures=none", "study=two"]
+    other = verb("tune", "--config-dir", ".", words[0], "filter=acceleration", *words[2:], *typed, cwd=tmp_path)
+    assert [word for word in printed(other.stdout) if word.startswith("disturbance")] == ["disturbance=none"]
     assert "The log has no reference: the comparison withholds three of four fixes" in done.stdout
 
     stored, _ = Store(tmp_path / "results/one").read()
