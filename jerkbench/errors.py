@@ -161,7 +161,7 @@ def _claimed(topic: str) -> bool:
     try:
         (Path(folder) / hashlib.sha256(topic.encode()).hexdigest()).touch(exist_ok=False)
     except OSError as error:
-        return not isinstance(error, FileExistsError)
+        return not isinstance(error, FileExistsError)  # an unusable folder does not hide the notice
     return True
 
 

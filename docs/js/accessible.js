@@ -1,4 +1,4 @@
-// Gives names and keyboard access to parts that the theme leaves without: the search, and boxes that scroll.
+// Gives the search a name, and makes boxes that scroll accessible by keyboard, because the theme does neither.
 window.addEventListener("load", () => {
   document.querySelector(".md-search")?.setAttribute("aria-label", "Search");
   for (const box of document.querySelectorAll(".md-content pre > code, .md-typeset__scrollwrap, .katex-display")) {

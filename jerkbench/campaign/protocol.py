@@ -31,10 +31,10 @@ def digest_of(stated: Mapping[str, Any]) -> str:
 
 def _fields(cls: type, stated: Mapping[str, Any], where: str | Path) -> dict[str, Any]:
     """Return the values of the fields of a protocol. Unknown keys, and missing keys without a default, are errors."""
-    known = {field.name: field.default is not dataclasses.MISSING for field in dataclasses.fields(cls)}
-    if wrong := sorted(name for name in known.keys() ^ stated.keys() if not known.get(name)):
-        problem = f"does not have the key {wrong[0]}" if wrong[0] in known else f"has the unknown key {wrong[0]}"
-        raise PluginError(f"{where} {problem}. The keys are {', '.join(sorted(known))}.")
+    has_default = {field.name: field.default is not dataclasses.MISSING for field in dataclasses.fields(cls)}
+    if wrong := sorted(name for name in has_default.keys() ^ stated.keys() if not has_default.get(name)):
+        problem = f"does not have the key {wrong[0]}" if wrong[0] in has_default else f"has the unknown key {wrong[0]}"
+        raise PluginError(f"{where} {problem}. The keys are {', '.join(sorted(has_default))}.")
     return {key: tuple(value) if isinstance(value, list) else value for key, value in stated.items()}
 
 

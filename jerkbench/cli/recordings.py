@@ -128,7 +128,7 @@ def _tables(arguments: argparse.Namespace) -> list[Path]:
     if getattr(arguments, "preset", None) is not None or len(paths) > 1:
         other = next((path for path in paths if path not in tables), paths[0])
         why = "is not such a table" if other.exists() or not other.suffix else "does not exist; correct the path"
-        raise JerkbenchError(f"--preset and several files need tables (CSV, .pos) and no --dataset; {other} {why}.")
+        raise JerkbenchError(f"--preset and several files need tables such as CSV, and no --dataset; {other} {why}.")
     return []
 
 

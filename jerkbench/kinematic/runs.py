@@ -430,6 +430,7 @@ def run_packs(
     def run_pack(pack: Pack) -> None:
         marks = int(pack.scored.mark.max()) + 1 if any(map(len, pack.marks)) else 0
         output = new_output(visits=0, marks=marks, updates=len(pack.update_s) * updates)
+        # A pack contains only runs with a rule, so the condition only narrows the type.
         state = _call(prepare, pack, [rule for k in pack.lanes if (rule := rules[k])], output)
         for index, result in zip(pack.members, _results_of(pack, state, output), strict=False):
             results[index] = result
